@@ -110,6 +110,7 @@ bool JobController::Start(const QString& dir, const JobQuery& query, int threads
   if (thread_ != nullptr) return false;
   dir_ = dir;
   query_ = query;
+  seed_ = seed;
   cancel_ = std::make_shared<CancelToken>();
   const auto ending = std::make_shared<Ending>();
   thread_ = QThread::create([this, path = dir.toStdString(), query, threads, seed, cancel = cancel_, ending] {

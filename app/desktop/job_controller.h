@@ -26,6 +26,7 @@ class JobController : public QObject {
   // Of the run that goes on, or went on last.
   const QString& dir() const { return dir_; }
   const JobQuery& query() const { return query_; }
+  quint64 seed() const { return seed_; }
   // Its name if it is another one than that in `open`; else empty.
   QString OtherProject(const QString& open) const;
   // The same runner as `trigpoint run`. False if a run is going on.
@@ -44,6 +45,7 @@ class JobController : public QObject {
  private:
   QString dir_;
   JobQuery query_;
+  quint64 seed_ = 1;
   std::shared_ptr<CancelToken> cancel_;
   QThread* thread_ = nullptr;
 };

@@ -3,6 +3,7 @@
 #include <QActionGroup>
 #include <QApplication>
 #include <QCloseEvent>
+#include <QComboBox>
 #include <QDesktopServices>
 #include <QDockWidget>
 #include <QDragEnterEvent>
@@ -111,7 +112,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   setCentralWidget(desks_);
   site_ = MakeDock("site", tr("Site"), tree_);
   station_ = MakeDock("station", tr("Station"), card_);
-  resizeDocks({site_}, {300}, Qt::Horizontal);
+  resizeDocks({site_}, {320}, Qt::Horizontal);
   resizeDocks({site_, station_}, {330, 330}, Qt::Vertical);
   MakeStatusBar();
   connect(desks_, &QTabWidget::currentChanged, this, &MainWindow::ShowTabs);
@@ -265,6 +266,12 @@ void MainWindow::ConnectJobs() {
 
 void MainWindow::ConnectOverview() {
   connect(overview_, &OverviewDesk::Loaded, card_, [this] { card_->SetOverview(overview_->overview()); });
+  auto* variant = scene_->findChild<QComboBox*>("scene.variant");
+  const auto follow = [this, variant] {
+    card_->SetVariant(desk() == "scene" ? variant->currentData().toString() : QString());
+  };
+  connect(variant, QOverload<int>::of(&QComboBox::currentIndexChanged), card_, follow);
+  connect(desks_, &QTabWidget::currentChanged, card_, follow);
   connect(card_, &StationCard::ImageRequested, this, &MainWindow::Show);
   connect(card_, &StationCard::SceneRequested, this, &MainWindow::ShowInScene);
   connect(overview_, &OverviewDesk::SceneRequested, this, &MainWindow::ShowInScene);
@@ -336,6 +343,7 @@ void MainWindow::MakeMenus() {
   file->addAction(IconNamed("open"), tr("&Open project or folder ..."), this, &MainWindow::ChooseProject,
                   QKeySequence::Open);
   recent_ = file->addMenu(tr("&Recent projects"));
+  connect(recent_, &QMenu::aboutToShow, this, &MainWindow::ShowRecent);  // one may be gone by now
   file->addAction(IconNamed("reload"), tr("Re&load"), workspace_, &Workspace::Reload, QKeySequence::Refresh);
   file->addAction(
       tr("&Close project"), this, [this] { LeaveProject([this] { workspace_->Close(); }); }, QKeySequence::Close);
@@ -444,21 +452,35 @@ void MainWindow::MakeViewMenu() {
 void MainWindow::MakeEditMenu() {
   QMenu* edit = menuBar()->addMenu(tr("&Edit"));
   // A field of text in which one writes keeps these keys for its own text.
-  QAction* undo = edit->addAction(IconNamed("undo"), tr("&Undo"), decisions_, &Decisions::Undo, QKeySequence::Undo);
-  QAction* redo = edit->addAction(IconNamed("redo"), tr("&Redo"), decisions_, &Decisions::Redo, QKeySequence::Redo);
+  QAction* undo = edit->addAction(
+      IconNamed("undo"), tr("&Undo"), this, [this] { Sketching() ? plan_->Undo() : decisions_->Undo(); },
+      QKeySequence::Undo);
+  QAction* redo = edit->addAction(
+      IconNamed("redo"), tr("&Redo"), this, [this] { Sketching() ? plan_->Redo() : decisions_->Redo(); },
+      QKeySequence::Redo);
   undo->setObjectName("edit.undo");
   redo->setObjectName("edit.redo");
+  // What the desk in front changes: on the plan its sketch; marks of images are not undone, and hide no decision.
   const auto show = [this, undo, redo] {
-    const QString back = decisions_->UndoText(), again = decisions_->RedoText();
+    QString back, again;
+    if (Sketching()) {
+      back = plan_->UndoText(), again = plan_->RedoText();
+    } else if (desk() != "images") {
+      back = decisions_->UndoText(), again = decisions_->RedoText();
+    }
     undo->setText(back.isEmpty() ? tr("&Undo") : tr("&Undo: %1").arg(back));
     redo->setText(again.isEmpty() ? tr("&Redo") : tr("&Redo: %1").arg(again));
     undo->setEnabled(!back.isEmpty());
     redo->setEnabled(!again.isEmpty());
   };
   connect(decisions_, &Decisions::Changed, edit, show);
+  connect(plan_, &PlanDesk::Changed, edit, show);
+  connect(desks_, &QTabWidget::currentChanged, edit, show);
   show();
   connect(workspace_, &Workspace::MenuAsked, this, &MainWindow::ShowMenu);
 }
+
+bool MainWindow::Sketching() const { return desk() == "plan"; }
 
 void MainWindow::ShowInScene(const QString& object) {
   workspace_->Select(object);
@@ -552,12 +574,18 @@ void MainWindow::ShowIdle() {
   progress_->setToolTip(workspace_->dir());
 }
 
-QStringList MainWindow::RecentProjects() const { return QSettings().value("recent").toStringList(); }
+QStringList MainWindow::RecentProjects() const {
+  QStringList there;
+  for (const QString& dir : QSettings().value("recent").toStringList()) {
+    if (QFileInfo::exists(dir)) there << dir;
+  }
+  return there;
+}
 
 void MainWindow::ShowRecent() {
   recent_->clear();
   for (const QString& dir : RecentProjects()) recent_->addAction(dir, this, [this, dir] { Visit(dir); });
-  recent_->setEnabled(!recent_->isEmpty());
+  if (!recent_->isVisible()) recent_->setEnabled(!recent_->isEmpty());
 }
 
 void MainWindow::ShowDesk(const QString& name) {

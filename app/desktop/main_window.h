@@ -109,6 +109,7 @@ class MainWindow : public QMainWindow {
   void ShowTabs();                        // icons and names, where there is room, else names, else icons
   void ShowAction(const Action& action);  // its form
   void ShowServices();
+  bool Sketching() const;  // the plan desk is in front
   void ChooseStage(const QString& stage);
   void ShowInScene(const QString& object);
   void ShowIdle();  // in the status bar, while nothing runs

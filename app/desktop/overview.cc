@@ -19,7 +19,7 @@ namespace {
 constexpr double kPlanScale = 2.5;  // pixels a unit of the drawing
 
 void FillMatrix(const ReportData& data, const VerdictErrors& best, Overview* overview) {
-  overview->comparison = best.kind + ", against " + best.Against();
+  overview->comparison = best.Words();
   std::set<std::string> stations, runs;
   for (const VariantData& variant : data.variants) {
     for (const ErrorRecord& e : variant.errors) {
@@ -36,8 +36,23 @@ void FillMatrix(const ReportData& data, const VerdictErrors& best, Overview* ove
   overview->stations.insert(overview->stations.end(), stations.begin(), stations.end());
 }
 
+void FillAnswers(const ReportData& data, Overview* overview) {
+  std::set<std::string> panoramas, runs;
+  for (const RunData& run : data.runs) {
+    for (const RunData::Answer& a : run.answers) {
+      overview->answers.push_back({run.run, run.variant, a.panorama, a.station, a.status, a.reason, a.sigma_m});
+      if (!run.variant.empty()) continue;
+      panoramas.insert(a.panorama);
+      runs.insert(run.run);
+    }
+  }
+  overview->panoramas.assign(panoramas.begin(), panoramas.end());
+  overview->runs.assign(runs.begin(), runs.end());
+}
+
 void FillVerdict(const ReportInput& input, const ReportData& data, const DisplayUnit& unit, Overview* overview) {
   ChapterContext context{input, data, unit, {}, {}};
+  context.alone = true;
   for (const std::string& station : data.stations) context.station_anchor[station] = "station:" + station;
   std::vector<Block> blocks;
   AddVerdict(context, std::nullopt, &blocks);
@@ -123,14 +138,20 @@ void FillWarnings(const ReportInput& input, const ReportData& data, const Projec
 }  // namespace
 
 ReportInput ReportInputOf(const Snapshot& snapshot, bool points) {
+  return ReportInputOf(snapshot, ResultsOfSnapshot(snapshot), points);
+}
+
+ReportInput ReportInputOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results, bool points) {
   ReportInput input;
   input.project = snapshot.project.get();
   input.variants = snapshot.variants;
   input.points = points;
-  for (const SnapshotResult& result : ResultsOfSnapshot(snapshot)) {
+  for (const SnapshotResult& result : results) {
     ResultRecord record;
     record.stage = result.stage;
     record.name = result.run;
+    record.state = result.state;
+    record.reason = result.reason;
     if (!result.variant.empty()) record.name += "@" + result.variant;
     if (const auto manifest = ReadManifest(*snapshot.project, record.stage, record.name)) record.manifest = *manifest;
     input.stages.push_back(std::move(record));
@@ -138,10 +159,20 @@ ReportInput ReportInputOf(const Snapshot& snapshot, bool points) {
   return input;
 }
 
-Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit) {
+std::vector<std::string> StaleOf(const std::vector<SnapshotResult>& results) {
+  std::vector<std::string> stale;
+  for (const SnapshotResult& result : results) {
+    if (result.stage != "evaluate" && result.stage != "gates") continue;
+    if (result.state == "out of date" || result.state == "failed") stale.push_back(result.title + ": " + result.state);
+  }
+  return stale;
+}
+
+Overview LoadOverview(const Snapshot& snapshot, const std::vector<SnapshotResult>& results, const DisplayUnit& unit) {
   Overview overview;
   overview.has_project_file = std::filesystem::exists(snapshot.dir / "trigpoint.yaml");
-  const ReportInput input = ReportInputOf(snapshot, false);
+  overview.stale = StaleOf(results);
+  const ReportInput input = ReportInputOf(snapshot, results, false);
   ProgressSink progress;
   const ReportData data = ReadReportData(input, progress, {});
   if (!overview.has_project_file) {
@@ -152,11 +183,10 @@ Overview LoadOverview(const Snapshot& snapshot, const DisplayUnit& unit) {
   FillVerdict(input, data, unit, &overview);
   const ProjectVerdict verdict = MakeVerdict(input, data);
   FillWarnings(input, data, verdict, unit, &overview);
+  FillAnswers(data, &overview);
   if (verdict.Best() != nullptr) FillMatrix(data, *verdict.Best(), &overview);
   for (const VariantData& variant : data.variants) {
-    for (const ErrorRecord& e : variant.errors) {
-      if (e.variant.empty()) overview.errors.push_back(e);
-    }
+    overview.errors.insert(overview.errors.end(), variant.errors.begin(), variant.errors.end());
   }
   try {
     FillPlan(snapshot, unit, &overview);
@@ -191,6 +221,14 @@ NextStep NextOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& res
     return next;
   }
   if (snapshot.runs.empty() && snapshot.references.empty()) return next;
+  for (const SnapshotResult& result : results) {
+    if (result.state.empty()) next.kind = NextStep::Kind::kChecking;
+    if (result.state != "running") continue;
+    next.kind = NextStep::Kind::kRunning;
+    next.title = result.title;
+    return next;
+  }
+  if (next.kind == NextStep::Kind::kChecking) return next;
   for (const SnapshotResult& result : results) {
     const bool failed = result.state == "failed";
     if (!failed && result.state != "missing" && result.state != "out of date") continue;

@@ -10,10 +10,12 @@
 #include <QPushButton>
 #include <QResizeEvent>
 #include <QScrollArea>
+#include <QScrollBar>
 #include <QSettings>
 #include <QSplitter>
 #include <QStandardPaths>
 #include <QTableWidget>
+#include <QTimer>
 #include <QVBoxLayout>
 #include <algorithm>
 #include <cmath>
@@ -136,7 +138,11 @@ OverviewDesk::OverviewDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   });
   connect(workspace_, &Workspace::Opened, this, &OverviewDesk::Load);
   connect(workspace_, &Workspace::Closed, this, &OverviewDesk::Show);
-  connect(workspace_, &Workspace::ResultsChanged, this, &OverviewDesk::ShowNext);
+  connect(workspace_, &Workspace::ResultsChanged, this, [this] {
+    ShowNext();
+    if (overview_ && overview_->stale != StaleOf(workspace_->results())) Load();
+  });
+  connect(workspace_, &Workspace::StateChanged, this, &OverviewDesk::ShowNext);
   connect(workspace_, &Workspace::UnitChanged, this, &OverviewDesk::Load);
   connect(workspace_, &Workspace::Selected, this, &OverviewDesk::ShowSelected);
   Show();
@@ -157,12 +163,14 @@ void OverviewDesk::Load() {
   const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
   InBackground(
       this,
-      [snapshot = workspace_->snapshot(), unit] {
-        return std::shared_ptr<const Overview>(std::make_shared<Overview>(LoadOverview(*snapshot, unit)));
+      [snapshot = workspace_->snapshot(), results = workspace_->results(), unit] {
+        return std::shared_ptr<const Overview>(std::make_shared<Overview>(LoadOverview(*snapshot, results, unit)));
       },
       [this, generation](const Attempted<std::shared_ptr<const Overview>>& loaded) {
         if (generation != generation_) return;
         if (!loaded.value) emit workspace_->Problem(loaded.error, tr("The overview is not shown."));
+        // States that became known meanwhile are said by the verdict.
+        if (loaded.value && loaded.value->stale != StaleOf(workspace_->results())) return Load();
         overview_ = loaded.value;
         Show();
         SaveThumbnail();
@@ -171,6 +179,7 @@ void OverviewDesk::Load() {
 }
 
 void OverviewDesk::Show() {
+  const Place before = PlaceNow();
   matrix_ = nullptr;
   auto* content = new QWidget;
   auto* column = new QVBoxLayout(content);
@@ -190,6 +199,36 @@ void OverviewDesk::Show() {
   ShowPlan();
   ShowNext();
   ShowSelected();
+  if (overview_) ReturnTo(before);
+}
+
+OverviewDesk::Place OverviewDesk::PlaceNow() const {
+  Place place;
+  const QWidget* content = scroll_->widget();
+  const QWidget* focus = QApplication::focusWidget();
+  if (content != nullptr && focus != nullptr && content->isAncestorOf(focus)) place.focus = focus->objectName();
+  place.scrolled = scroll_->verticalScrollBar()->value();
+  if (matrix_ == nullptr) return place;
+  place.column = matrix_->currentColumn();
+  place.row_scrolled = matrix_->verticalScrollBar()->value();
+  return place;
+}
+
+void OverviewDesk::ReturnTo(const Place& place) {
+  QWidget* content = scroll_->widget();
+  if (matrix_ != nullptr) {
+    showing_ = true;
+    if (place.column >= 0 && place.column < matrix_->columnCount() && matrix_->currentRow() >= 0) {
+      matrix_->setCurrentCell(matrix_->currentRow(), place.column);
+    }
+    showing_ = false;
+  }
+  QWidget* focus = place.focus.isEmpty() ? nullptr : content->findChild<QWidget*>(place.focus);
+  if (focus != nullptr) focus->setFocus();
+  QTimer::singleShot(0, content, [this, place] {  // the new content has its size then
+    scroll_->verticalScrollBar()->setValue(place.scrolled);
+    if (matrix_ != nullptr) matrix_->verticalScrollBar()->setValue(place.row_scrolled);
+  });
 }
 
 void OverviewDesk::ShowWelcome(QVBoxLayout* column) {
@@ -208,7 +247,10 @@ void OverviewDesk::ShowWelcome(QVBoxLayout* column) {
   connect(example, &QPushButton::clicked, this, &OverviewDesk::ExampleRequested);
   buttons->addWidget(example);
   column->addWidget(row);
-  const QStringList recent = QSettings().value("recent").toStringList();
+  QStringList recent;
+  for (const QString& dir : QSettings().value("recent").toStringList()) {
+    if (QFileInfo::exists(dir)) recent << dir;
+  }
   QString text =
       tr("A folder can also be dropped into the window. It is only read; nothing is written without asking.");
   text += "<br><br><b>" + tr("Recent projects") + "</b>";
@@ -242,7 +284,7 @@ void OverviewDesk::ShowFolder(QVBoxLayout* column) {
 }
 
 void OverviewDesk::ShowVerdict(QVBoxLayout* column) {
-  bool matrix = overview_->matrix.empty();
+  bool matrix = overview_->matrix.empty() && overview_->panoramas.empty();
   for (const Block& block : overview_->verdict) {
     if (const auto* heading = std::get_if<Heading>(&block)) {
       column->addWidget(new QLabel("<b>" + Text(heading->text) + "</b>"));
@@ -272,6 +314,22 @@ void OverviewDesk::Choose(const QString& object) {
   emit LookRequested(object);
 }
 
+QString OverviewDesk::StatusText(const std::string& status) {
+  return status == "no_reference" ? tr("no reference")
+         : status == "unmatched"  ? tr("no match")
+         : status == "rejected"   ? tr("refused")
+                                  : Text(status);
+}
+
+QString OverviewDesk::Elided(const QString& reason) const {
+  const QFontMetrics metrics = matrix_->fontMetrics();
+  return metrics.elidedText(reason, Qt::ElideRight, kWidestReason * metrics.averageCharWidth());
+}
+
+QString OverviewDesk::SigmaText(double sigma_m) const {
+  return QString::fromUtf8("\xcf\x83 ") + QString::number(sigma_m / workspace_->metres_per_unit(), 'f', 3);
+}
+
 QTableWidgetItem* OverviewDesk::MatrixItem(const ErrorRecord& e) const {
   const double metres = workspace_->metres_per_unit();
   auto* item = new QTableWidgetItem;
@@ -285,42 +343,79 @@ QTableWidgetItem* OverviewDesk::MatrixItem(const ErrorRecord& e) const {
     text = QString::number(*e.error_3d_m / metres, 'f', 3);
     if (e.sigma_e_m && e.sigma_n_m && e.sigma_u_m) {
       const double sigma = std::hypot(*e.sigma_e_m, *e.sigma_n_m, *e.sigma_u_m);
-      below = QString::fromUtf8("\xcf\x83 ") + QString::number(sigma / metres, 'f', 3);
+      below = SigmaText(sigma);
     }
     if (e.nees && e.dof > 0) below += (below.isEmpty() ? "" : "  ") + QString::number(*e.nees / e.dof, 'f', 1);
     const ErrorColours colours = ColoursOfError(*e.error_3d_m);
     item->setBackground(colours.background);
     item->setForeground(colours.text);
   } else {
-    text = e.status == "no_reference" ? tr("no reference")
-           : e.status == "unmatched"  ? tr("no match")
-           : e.status == "rejected"   ? tr("refused")
-                                      : Text(e.status);
-    const QFontMetrics metrics = matrix_->fontMetrics();
-    below = metrics.elidedText(Text(e.reason), Qt::ElideRight, kWidestReason * metrics.averageCharWidth());
+    text = StatusText(e.status);
+    below = Elided(Text(e.reason));
   }
   item->setText(below.isEmpty() ? text : text + "\n" + below);
   return item;
 }
 
+QTableWidgetItem* OverviewDesk::AnswerItem(const OverviewAnswer& answer) const {
+  const bool located = answer.status == "localized";
+  auto* item = new QTableWidgetItem(located ? tr("located") : StatusText(answer.status));
+  item->setData(Qt::UserRole + 1, Text("panorama:" + answer.panorama));
+  item->setTextAlignment(Qt::AlignCenter);
+  const QString sigma = answer.sigma_m ? SigmaText(*answer.sigma_m) : QString();
+  const QString below = located ? sigma : Elided(Text(answer.reason));
+  if (!below.isEmpty()) item->setText(item->text() + "\n" + below);
+  item->setToolTip(QString("%1, %2: %3").arg(Text(answer.run), Text(answer.panorama), Text(answer.status)) +
+                   (answer.reason.empty() ? "" : "\n" + Text(answer.reason)));
+  return item;
+}
+
+bool OverviewDesk::HasReference() const { return !overview_->matrix.empty(); }
+
+QString OverviewDesk::RowObject(int row) const {
+  const auto at = static_cast<size_t>(row);
+  return Text(HasReference() ? "station:" + overview_->stations[at] : "panorama:" + overview_->panoramas[at]);
+}
+
 void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
   const QString unit = workspace_->unit();
-  auto* caption = Wrapped(tr("<b>3D error (%1)</b>, %2. Below it 1 sigma of the difference, and NEES per degree of "
-                             "freedom (about 1 if the sigmas are right).")
-                              .arg(unit, Text(overview_->comparison).toHtmlEscaped()));
-  column->addWidget(caption);
-  const auto rows = static_cast<int>(overview_->stations.size()), columns = static_cast<int>(overview_->runs.size());
-  matrix_ = new QTableWidget(rows, columns);
+  column->addWidget(Wrapped(
+      HasReference() ? tr("<b>3D error (%1)</b>, %2. Below it 1 sigma of the difference, and NEES per degree of "
+                          "freedom (about 1 if the sigmas are right).")
+                           .arg(unit, Text(overview_->comparison).toHtmlEscaped())
+                     : tr("<b>Answers</b>, without a reference to compare them with. Below each the 1 sigma that it "
+                          "states, of its largest axis (%1), or why there is none.")
+                           .arg(unit)));
+  const std::vector<std::string>& rows = HasReference() ? overview_->stations : overview_->panoramas;
+  matrix_ = new QTableWidget(static_cast<int>(rows.size()), static_cast<int>(overview_->runs.size()));
   matrix_->setObjectName("overview.matrix");
-  matrix_->setAccessibleName(tr("Errors by station and run"));
+  matrix_->setAccessibleName(HasReference() ? tr("Errors by station and run") : tr("Answers by panorama and run"));
   matrix_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   matrix_->setSelectionMode(QAbstractItemView::SingleSelection);
   QStringList names;
   for (const std::string& run : overview_->runs) names << Text(run);
   matrix_->setHorizontalHeaderLabels(names);
   names.clear();
-  for (const std::string& station : overview_->stations) names << Text(station);
+  for (const std::string& row : rows) names << Text(row);
   matrix_->setVerticalHeaderLabels(names);
+  FillMatrix();
+  matrix_->resizeColumnsToContents();
+  matrix_->resizeRowsToContents();
+  const int height = matrix_->verticalHeader()->length() + matrix_->horizontalHeader()->sizeHint().height() + 4;
+  matrix_->setFixedHeight(std::min(height + 14, kHighestMatrix));
+  connect(matrix_, &QTableWidget::currentCellChanged, this, [this](int row) {
+    if (showing_ || row < 0) return;
+    // While a button is pressed, the click that follows makes the scene look.
+    if (QApplication::mouseButtons() == Qt::NoButton) return Choose(RowObject(row));
+    workspace_->Select(RowObject(row));
+  });
+  connect(matrix_, &QTableWidget::cellClicked, this, [this](int row) { Choose(RowObject(row)); });
+  connect(matrix_, &QTableWidget::cellActivated, this, [this] { emit SceneRequested(workspace_->selected()); });
+  AskMenuOn(matrix_, workspace_, Qt::UserRole + 1);
+  column->addWidget(matrix_);
+}
+
+void OverviewDesk::FillMatrix() {
   const auto index = [](const std::vector<std::string>& all, const std::string& name) {
     return static_cast<int>(std::find(all.begin(), all.end(), name) - all.begin());
   };
@@ -328,24 +423,13 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
     const int row = index(overview_->stations, e.station), at = index(overview_->runs, e.run);
     const QTableWidgetItem* before = matrix_->item(row, at);
     const bool worse = before == nullptr || before->data(Qt::UserRole).toDouble() < e.error_3d_m.value_or(-1);
-    if (!worse) continue;  // of several panoramas the largest
-    matrix_->setItem(row, at, MatrixItem(e));
+    if (worse) matrix_->setItem(row, at, MatrixItem(e));  // of several panoramas the largest
   }
-  matrix_->resizeColumnsToContents();
-  matrix_->resizeRowsToContents();
-  const int height = matrix_->verticalHeader()->length() + matrix_->horizontalHeader()->sizeHint().height() + 4;
-  matrix_->setFixedHeight(std::min(height + 14, kHighestMatrix));
-  const auto station = [this](int row) { return "station:" + matrix_->verticalHeaderItem(row)->text(); };
-  connect(matrix_, &QTableWidget::currentCellChanged, this, [this, station](int row) {
-    if (showing_ || row < 0) return;
-    // While a button is pressed, the click that follows makes the scene look.
-    if (QApplication::mouseButtons() == Qt::NoButton) return Choose(station(row));
-    workspace_->Select(station(row));
-  });
-  connect(matrix_, &QTableWidget::cellClicked, this, [this, station](int row) { Choose(station(row)); });
-  connect(matrix_, &QTableWidget::cellActivated, this, [this] { emit SceneRequested(workspace_->selected()); });
-  AskMenuOn(matrix_, workspace_, Qt::UserRole + 1);
-  column->addWidget(matrix_);
+  if (HasReference()) return;
+  for (const OverviewAnswer& a : overview_->answers) {
+    if (!a.variant.empty()) continue;
+    matrix_->setItem(index(overview_->panoramas, a.panorama), index(overview_->runs, a.run), AnswerItem(a));
+  }
 }
 
 QString OverviewDesk::WarningsText(size_t most) const {
@@ -398,6 +482,8 @@ void OverviewDesk::ShowNext() {
       button = tr("&Make it a project (write trigpoint.yaml)");
       anchor = "do:create";
       break;
+    case NextStep::Kind::kChecking: text = tr("Checking what is up to date ..."); break;
+    case NextStep::Kind::kRunning: text = tr("Running: %1").arg(Text(next.title)); break;
     case NextStep::Kind::kRun:
       text = next.failed > 0 ? tr("Failed results: %1. %2").arg(next.failed).arg(Text(next.reason))
                              : tr("Missing or out of date: %1, %2 first.").arg(next.results).arg(Text(next.title));
@@ -421,20 +507,18 @@ void OverviewDesk::ShowSelected() {
   HighlightSelected(plan_, *workspace_);
   const QString object =
       Text(StationShown(overview_.get(), workspace_->related(), workspace_->selected().toStdString()));
-  if (matrix_ != nullptr) {
-    showing_ = true;
-    const int at = matrix_->currentRow();
-    const QString name = object.section(':', 1);
-    if (at < 0 || matrix_->verticalHeaderItem(at)->text() != name) {
-      matrix_->setCurrentItem(nullptr);
-      for (int row = 0; row < matrix_->rowCount(); ++row) {
-        if (object.startsWith("station:") && matrix_->verticalHeaderItem(row)->text() == name) {
-          matrix_->setCurrentCell(row, 0);
-        }
-      }
-    }
-    showing_ = false;
+  if (matrix_ == nullptr) return;
+  const auto is_shown = [&](int row) {
+    const QString of = RowObject(row);
+    return HasReference() ? of == object : workspace_->related().count(of.toStdString()) > 0;
+  };
+  if (matrix_->currentRow() >= 0 && is_shown(matrix_->currentRow())) return;
+  showing_ = true;
+  matrix_->setCurrentItem(nullptr);
+  for (int row = 0; row < matrix_->rowCount(); ++row) {
+    if (is_shown(row)) matrix_->setCurrentCell(row, 0);
   }
+  showing_ = false;
 }
 
 void OverviewDesk::Follow(const QString& anchor) {

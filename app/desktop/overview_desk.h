@@ -18,6 +18,7 @@ namespace trigpoint {
 
 struct ErrorRecord;
 struct Overview;
+struct OverviewAnswer;
 class PictureView;
 
 class OverviewDesk : public QWidget {
@@ -44,13 +45,28 @@ class OverviewDesk : public QWidget {
   void resizeEvent(QResizeEvent* event) override;
 
  private:
+  // Where one reads, and where the keyboard is, within what is scrolled.
+  struct Place {
+    QString focus;  // a widget's name; empty: elsewhere
+    int scrolled = 0, row_scrolled = 0, column = -1;
+  };
+
   void Load();
   void Show();
+  Place PlaceNow() const;
+  void ReturnTo(const Place& place);
   void ShowWelcome(QVBoxLayout* column);
   void SaveThumbnail() const;  // of the plan, for the welcome page
   void ShowVerdict(QVBoxLayout* column);
   void ShowMatrix(QVBoxLayout* column);
+  void FillMatrix();
   QTableWidgetItem* MatrixItem(const ErrorRecord& error) const;
+  QTableWidgetItem* AnswerItem(const OverviewAnswer& answer) const;
+  static QString StatusText(const std::string& status);
+  QString Elided(const QString& reason) const;
+  QString SigmaText(double sigma_m) const;
+  bool HasReference() const;         // the matrix is of errors at stations; else of panoramas' answers
+  QString RowObject(int row) const;  // that a row of the matrix is about
   void ShowFolder(QVBoxLayout* column);
   void ShowWarnings(QVBoxLayout* column);
   QString WarningsText(size_t most) const;

@@ -54,6 +54,18 @@ bool IsKnown(const SketchItem& item) {
   return item.kind == "control" || item.kind == "check" || item.kind == "station";
 }
 
+QString Words(const SketchStep* step) {
+  if (step == nullptr) return "";
+  const QString item = Text(step->item);
+  switch (step->kind) {
+    case SketchStep::Kind::kAdd: return PlanDesk::tr("draw %1").arg(item);
+    case SketchStep::Kind::kEdit: return PlanDesk::tr("change %1").arg(item);
+    case SketchStep::Kind::kMove: return PlanDesk::tr("move %1").arg(item);
+    case SketchStep::Kind::kRemove: return PlanDesk::tr("delete %1").arg(item);
+  }
+  return "";
+}
+
 fs::path PlanFolder(const Project& project) { return project.results() / "plan"; }
 
 }  // namespace
@@ -64,6 +76,7 @@ PlanDesk::PlanDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   Arrange();
   Connect();
   ChooseTool("select");
+  ShowUnit();
   Show();
 }
 
@@ -92,6 +105,7 @@ void PlanDesk::MakeWidgets() {
   }
   remove_ = MakeButton("plan.remove", tr("&Delete"), tr("The selected item; a tag with its control and check points"));
   undo_ = MakeButton("plan.undo", tr("Undo"), tr("The last change of the sketch"));
+  redo_ = MakeButton("plan.redo", tr("Redo"), tr("The change of the sketch that was taken back last"));
   save_ = MakeButton("plan.save", tr("Sa&ve"), tr("Writes plan.csv; the file as it was is kept in results/replaced"));
   predict_ = MakeButton("plan.predict", tr("&Predict"), tr("Saves the sketch and runs trigpoint plan"));
   options_ = MakeButton("plan.options", tr("&Options ..."), tr("Camera, speed, noise, gates of the stage plan"));
@@ -119,7 +133,7 @@ void PlanDesk::MakeWidgets() {
     box->setValue(value);
     return box;
   };
-  height_ = number("plan.height", tr("up"), tr("m"), -1e4, 1e4, kUpright_m);
+  height_ = number("plan.height", tr("up"), "", -1e5, 1e5, kUpright_m);
   height_->setToolTip(tr("Height of what is added next, site ENU"));
   size_ = number("plan.size", tr("size"), tr("mm"), 1, 1e4, kPrinted_mm);
   size_->setToolTip(tr("Black square of a tag that is added next and is not in tags.yaml"));
@@ -141,7 +155,7 @@ void PlanDesk::MakeWidgets() {
 void PlanDesk::Arrange() {
   auto* draw = new FlowLayout;
   for (QPushButton* tool : tools_) draw->addWidget(tool);
-  for (QWidget* w : std::initializer_list<QWidget*>{height_, size_, remove_, undo_, save_}) draw->addWidget(w);
+  for (QWidget* w : std::initializer_list<QWidget*>{height_, size_, remove_, undo_, redo_, save_}) draw->addWidget(w);
   auto* predict = new FlowLayout;
   for (QWidget* w : std::initializer_list<QWidget*>{predict_, suggest_, count_, adopt_, options_, page_}) {
     predict->addWidget(w);
@@ -173,18 +187,23 @@ void PlanDesk::Connect() {
     Show();
   });
   connect(items_, &QTableWidget::itemChanged, this, &PlanDesk::Edit);
-  connect(items_, &QTableWidget::itemSelectionChanged, this, [this] {
-    if (Selected() >= 0) map_->SetHighlight("sketch:" + QString::number(Selected()));
-    ShowButtons();
+  connect(map_, &PictureView::MenuAsked, this, [this](const QString& object, const QPoint& at) {
+    if (const auto index = IndexOf(object)) workspace_->AskMenu(ObjectOf(sketch_.items()[*index]), at);
   });
+  connect(items_, &QTableWidget::itemSelectionChanged, this, [this] {
+    const int index = Selected();
+    if (index >= 0) map_->SetHighlight("sketch:" + QString::number(index));
+    ShowButtons();
+    const QString object = index < 0 ? QString() : ObjectOf(sketch_.items()[static_cast<size_t>(index)]);
+    if (!object.isEmpty()) workspace_->Select(object);
+  });
+  connect(workspace_, &Workspace::Selected, this, &PlanDesk::ShowSelected);
+  AskMenuOn(items_, workspace_, Qt::UserRole);
   connect(gains_, &QTableWidget::itemSelectionChanged, this, &PlanDesk::ShowButtons);
   LinkTable(tags_, workspace_);
   connect(remove_, &QPushButton::clicked, this, &PlanDesk::RemoveSelected);
-  connect(undo_, &QPushButton::clicked, this, [this] {
-    sketch_.Undo();
-    facing_.reset();
-    Show();
-  });
+  connect(undo_, &QPushButton::clicked, this, &PlanDesk::Undo);
+  connect(redo_, &QPushButton::clicked, this, &PlanDesk::Redo);
   connect(save_, &QPushButton::clicked, this, &PlanDesk::Save);
   connect(predict_, &QPushButton::clicked, this, &PlanDesk::Predict);
   connect(adopt_, &QPushButton::clicked, this, &PlanDesk::AdoptProposal);
@@ -197,7 +216,11 @@ void PlanDesk::Connect() {
   connect(workspace_, &Workspace::Replaced, this, &PlanDesk::Read);
   connect(workspace_, &Workspace::Opened, this, [this] { sketch_.changed() ? ReadPrediction() : Read(); });
   connect(workspace_, &Workspace::Closed, this, &PlanDesk::Read);
-  connect(workspace_, &Workspace::UnitChanged, this, &PlanDesk::Show);
+  connect(workspace_, &Workspace::UnitChanged, this, [this] {
+    ShowUnit();
+    ground_ = PlanGround();
+    Show();
+  });
   connect(jobs_, &JobController::Started, this, &PlanDesk::ShowButtons);
   connect(jobs_, &JobController::Finished, this, [this] {
     ReadPrediction();
@@ -259,6 +282,35 @@ std::optional<size_t> PlanDesk::IndexOf(const QString& object) const {
   return static_cast<size_t>(index);
 }
 
+// The desks' name of what an item will be; empty: they have none.
+QString PlanDesk::ObjectOf(const SketchItem& item) {
+  if (item.kind == "station") return Text("station:" + item.name);
+  return item.kind == "tag" || item.kind == "control" || item.kind == "check" ? "tag:" + QString::number(item.tag_id)
+                                                                              : QString();
+}
+
+void PlanDesk::ShowSelected() {
+  ShowSelectedRows(items_, *workspace_);
+  map_->SetHighlight(Selected() < 0 ? QString() : "sketch:" + QString::number(Selected()));
+  ShowButtons();
+}
+
+void PlanDesk::Undo() {
+  sketch_.Undo();
+  facing_.reset();
+  Show();
+}
+
+void PlanDesk::Redo() {
+  sketch_.Redo();
+  facing_.reset();
+  Show();
+}
+
+QString PlanDesk::UndoText() const { return Words(sketch_.undone_next()); }
+
+QString PlanDesk::RedoText() const { return Words(sketch_.redone_next()); }
+
 int PlanDesk::Selected() const {
   const auto cells = items_->selectedItems();
   return cells.isEmpty() ? -1 : cells.front()->row();
@@ -271,8 +323,6 @@ void PlanDesk::Click(const QPointF& pixel, const QString& object) {
   if (tool_ == "select") {
     if (!index) return;
     items_->selectRow(static_cast<int>(*index));
-    const SketchItem& item = sketch_.items()[*index];
-    if (item.tag_id >= 0) workspace_->Select("tag:" + QString::number(item.tag_id));
     return;
   }
   if (tool_ == "tag" || tool_ == "candidate") AddTag(place);
@@ -297,7 +347,7 @@ void PlanDesk::AddTag(const Eigen::Vector2d& place) {
   const int id = sketch_.FreeTag();
   item.tag_id = tool_ == "tag" ? id : -1;
   item.name = tool_ == "tag" ? std::to_string(id) : sketch_.FreeName("candidate", "place");
-  item.local_m = Eigen::Vector3d(place.x(), place.y(), height_->value());
+  item.local_m = Eigen::Vector3d(place.x(), place.y(), height_->value() * metres_);
   item.heading_rad = 0;
   const TagSizes& sizes = workspace_->snapshot()->project->site().tags;
   if (tool_ == "candidate" || !(sizes.SizeOf(id) > 0)) item.size_m = size_->value() / kMmPerMetre;
@@ -310,7 +360,7 @@ void PlanDesk::AddStation(const Eigen::Vector2d& place) {
   SketchItem item;
   item.kind = "station";
   item.name = sketch_.FreeName("station", "S");
-  item.local_m = Eigen::Vector3d(place.x(), place.y(), height_->value());
+  item.local_m = Eigen::Vector3d(place.x(), place.y(), height_->value() * metres_);
   item.sigma_h_m = kSketchGeotag_h_m, item.sigma_v_m = kSketchGeotag_v_m;
   double nearest = kStationTag_m;
   for (const SketchItem& tag : sketch_.items()) {
@@ -331,7 +381,7 @@ void PlanDesk::AddCorner(const Eigen::Vector2d& place) {
   SketchItem item;
   item.kind = "path";
   item.name = path_.toStdString();
-  item.local_m = Eigen::Vector3d(place.x(), place.y(), height_->value());
+  item.local_m = Eigen::Vector3d(place.x(), place.y(), height_->value() * metres_);
   sketch_.Add(item);
 }
 
@@ -452,12 +502,21 @@ void PlanDesk::ShowButtons() {
   const bool open = workspace_->snapshot() != nullptr;
   const auto gains = gains_->selectedItems();
   remove_->setEnabled(Selected() >= 0);
-  undo_->setEnabled(sketch_.can_undo());
+  undo_->setEnabled(sketch_.undone_next() != nullptr);
+  redo_->setEnabled(sketch_.redone_next() != nullptr);
   save_->setEnabled(open && sketch_.changed());
   predict_->setEnabled(open && !jobs_->running());
   adopt_->setEnabled(!gains.isEmpty() && gains.front()->data(Qt::UserRole).toList().size() == 4);
   page_->setEnabled(open && QFileInfo::exists(workspace_->dir() + "/results/plan/index.html"));
   for (QPushButton* tool : tools_) tool->setEnabled(open && trouble_.isEmpty());
+  emit Changed();
+}
+
+void PlanDesk::ShowUnit() {
+  const double height_m = height_->value() * metres_;
+  metres_ = workspace_->metres_per_unit();
+  height_->setSuffix(" " + workspace_->unit());
+  height_->setValue(height_m / metres_);
 }
 
 void PlanDesk::ShowItems() {
@@ -488,6 +547,7 @@ void PlanDesk::ShowItems() {
       const bool editable = c == kName || (c >= kEast && c <= kUp && item.local_m) ||
                             (c == kFaces && item.heading_rad) || (c == kSize && IsMap(item)) ||
                             (c >= kSigmaH && c <= kSigmaV && IsKnown(item)) || (c == kTag && item.kind == "station");
+      cell->setData(Qt::UserRole, ObjectOf(item));
       if (!editable) cell->setFlags(cell->flags() & ~Qt::ItemIsEditable);
       items_->setItem(row, c, cell);
     }
@@ -509,12 +569,12 @@ void PlanDesk::ShowMap() {
   }
   if (!holds) {
     QString problem;
-    ground_ = MakePlanGround(*workspace_->snapshot()->project, sketch_, &problem);
+    ground_ = MakePlanGround(*workspace_->snapshot()->project, sketch_, workspace_->metres_per_unit(), &problem);
     if (!problem.isEmpty()) hint_->setText(problem);
   }
   const bool current = !stale_ && !sketch_.changed();
   const double factor = current ? EllipseFactor(ellipses_, ground_) : 1;
-  QString title = tr("site ENU, m, north up");
+  QString title = tr("site ENU, %1, north up").arg(workspace_->unit());
   if (current && !ellipses_.empty()) {
     title += factor == 1 ? tr("; ellipses: predicted, 95 %, at true scale")
                          : tr("; ellipses: predicted, 95 %, %1 times enlarged").arg(factor);

@@ -38,8 +38,14 @@ class PlanDesk : public QWidget {
   bool Save();
   // The sketch as it was saved last.
   void Discard() { Read(); }
+  void Undo();
+  void Redo();
+  // What they would do, in words; empty: nothing.
+  QString UndoText() const;
+  QString RedoText() const;
 
  signals:
+  void Changed();  // what can be undone or made again
   void OptionsRequested();
 
  protected:
@@ -65,6 +71,9 @@ class PlanDesk : public QWidget {
   void HeadPrediction(bool proposed);  // its tables; of places proposed, or of one more of each
   void ShowPrediction();
   void ShowButtons();
+  void ShowUnit();
+  void ShowSelected();  // on any desk: the item, its mark
+  static QString ObjectOf(const SketchItem& item);
   int Selected() const;  // index of the item; -1: none
   std::optional<size_t> IndexOf(const QString& object) const;
   QString Length(double metres, int decimals) const;
@@ -78,11 +87,12 @@ class PlanDesk : public QWidget {
   QString tool_ = "select", path_;  // the path that is drawn; empty: the next corner begins one
   std::optional<size_t> facing_;    // the tag whose direction the next click gives
   bool ended_path_ = false;         // by a double click, whose second click adds nothing
+  double metres_ = 1;               // in a unit of the height that is shown
   bool stale_ = false;              // the sketch was changed after the prediction
   QString trouble_;                 // why sketch or aerial image cannot be shown
   QLabel *hint_, *prediction_;
   std::vector<QPushButton*> tools_;
-  QPushButton *remove_, *undo_, *save_, *predict_, *options_, *page_, *adopt_;
+  QPushButton *remove_, *undo_, *redo_, *save_, *predict_, *options_, *page_, *adopt_;
   QComboBox* suggest_;
   QSpinBox* count_;
   QDoubleSpinBox *height_, *size_;

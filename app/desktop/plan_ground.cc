@@ -28,17 +28,18 @@ QPointF Towards(double heading_rad, double length) {  // in a picture whose nort
   return {length * std::sin(heading_rad), -length * std::cos(heading_rad)};
 }
 
-void DrawGrid(PlanGround* ground) {
+void DrawGrid(PlanGround* ground, double metres_per_unit) {
   QPainter painter(&ground->picture);
   QFont font = painter.font();
   font.setPixelSize(kGridText_px);
   painter.setFont(font);
-  const double step = RoundDown((ground->high_m - ground->low_m).maxCoeff() / 5);
+  const Eigen::Vector2d low = ground->low_m / metres_per_unit, high = ground->high_m / metres_per_unit;
+  const double step = RoundDown((high - low).maxCoeff() / 5);
   const auto label = [](double value) { return QString::number(std::abs(value) < 1e-9 ? 0 : value, 'g', 6); };
   for (int axis = 0; axis < 2; ++axis) {
-    for (double v = std::ceil(ground->low_m[axis] / step) * step; v < ground->high_m[axis]; v += step) {
+    for (double v = std::ceil(low[axis] / step) * step; v < high[axis]; v += step) {
       Eigen::Vector2d from = ground->low_m, to = ground->high_m;
-      from[axis] = to[axis] = v;
+      from[axis] = to[axis] = v * metres_per_unit;
       const QPointF a = ground->PixelOf(from), b = ground->PixelOf(to);
       painter.setPen(QPen(QColor(95, 105, 115, 110), 1));
       painter.drawLine(a, b);
@@ -89,7 +90,7 @@ bool PlanGround::Holds(const Eigen::Vector2d& place) const {
   return (place.array() >= low_m.array()).all() && (place.array() <= high_m.array()).all();
 }
 
-PlanGround MakePlanGround(const Project& project, const Sketch& sketch, QString* problem) {
+PlanGround MakePlanGround(const Project& project, const Sketch& sketch, double metres_per_unit, QString* problem) {
   PlanGround ground;
   std::optional<SceneAerial> aerial;
   const auto& file = project.site().aerial;
@@ -127,7 +128,7 @@ PlanGround MakePlanGround(const Project& project, const Sketch& sketch, QString*
                             std::max(1, static_cast<int>(ground.px_per_m * size.y())), QImage::Format_BGR888);
     ground.picture.fill(Qt::white);
   }
-  DrawGrid(&ground);
+  DrawGrid(&ground, metres_per_unit);
   return ground;
 }
 

@@ -1,4 +1,4 @@
-// The ground that a sketch is drawn on: the aerial image if there is one, a grid in metres; and the sketch as marks.
+// The ground that a sketch is drawn on: the aerial image if there is one, a grid; and the sketch as marks.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,8 +25,9 @@ struct PlanGround {
   bool Holds(const Eigen::Vector2d& east_north_m) const;
 };
 
-// Around the sketch and the project's aerial image. `problem`: why that one cannot be shown; empty otherwise.
-PlanGround MakePlanGround(const Project& project, const Sketch& sketch, QString* problem);
+// Around the sketch and the project's aerial image, with a grid in units of so many metres. `problem`: why that image
+// cannot be shown; empty otherwise.
+PlanGround MakePlanGround(const Project& project, const Sketch& sketch, double metres_per_unit, QString* problem);
 
 // A tag's place as `plan` predicts it: results/plan/tags.csv.
 struct PlannedEllipse {

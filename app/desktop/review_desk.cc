@@ -120,7 +120,10 @@ void ReviewDesk::Connect() {
     const bool taken = !entries.empty() && entries.back().reason == reason_->text().trimmed().toStdString();
     if (taken) reason_->clear();
     const bool back = !entries.empty() && (entries.back().action == "undo" || decisions_->again());
-    if (back && !solved_state_.empty() && StateInForce() == earlier_state_) StartSolving();  // the results are kept
+    if (back && !solved_state_.empty() && StateInForce() == earlier_state_) {
+      const JobQuery query = ReviewQuery(variant_->currentData().toString().toStdString());
+      AreKept(*workspace_->snapshot(), query) ? StartSolving() : Solve();
+    }
     emit Reviewed();
   });
   connect(decisions_, &Decisions::Changed, this, [this] {

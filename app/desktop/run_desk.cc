@@ -22,6 +22,7 @@
 #include <cmath>
 
 #include "app/desktop/calibration_sheet.h"
+#include "app/desktop/object_table.h"
 #include "app/desktop/question.h"
 #include "app/desktop/site_tree.h"
 #include "app/desktop/stage_form.h"
@@ -63,10 +64,10 @@ QString TextOf(const ExpectedTime& expected) {
 }
 
 // Nothing is known of a query that is wrong: that is said when it is run.
-ExpectedTime ExpectedOf(const Workspace& workspace, const JobQuery& query) {
+ExpectedTime ExpectedOf(const Workspace& workspace, const JobQuery& query, quint64 seed) {
   if (!workspace.snapshot()) return {};
   try {
-    return ExpectedTimeOf(*workspace.snapshot(), workspace.results(), query);
+    return ExpectedTimeOf(*workspace.snapshot(), workspace.results(), query, seed);
   } catch (const Error&) {
     return {};
   }
@@ -81,9 +82,9 @@ QString DurationText(double seconds) {
              : QString("%1:%2").arg(s / 60).arg(s % 60, 2, 10, QChar('0'));
 }
 
-void StartAsked(QWidget* window, const Workspace& workspace, const JobQuery& query,
-                const std::function<void()>& start) {
-  const ExpectedTime expected = ExpectedOf(workspace, query);
+void StartAsked(QWidget* window, const Workspace& workspace, const JobQuery& query, const std::function<void()>& start,
+                quint64 seed) {
+  const ExpectedTime expected = ExpectedOf(workspace, query, seed);
   if (expected.seconds + expected.unchecked_s <= kLong_s) return start();
   Ask(window, "run.ask", RunDesk::tr("Run"), TextOf(expected) + "\n" + RunDesk::tr("Run it now?"),
       QMessageBox::Yes | QMessageBox::No, [start](int answer) {
@@ -137,15 +138,19 @@ void RunDesk::MakeControls() {
   stage_ = Narrow(Named(new QComboBox, "run.stage", tr("Stage")));
   runs_ = Named(new QListWidget, "run.runs", tr("Runs"));
   runs_->setMaximumHeight(5 * fontMetrics().height());
+  runs_->setToolTip(tr("Those that are ticked are run; all ticked: also runs that are added later"));
+  stage_->setToolTip(tr("What is made: one stage, or all that is out of date"));
   variant_ = Named(new QComboBox, "run.variant", tr("Variant"));
   variant_->setEditable(true);
   variant_->setToolTip(tr("A second set of results beside the first; empty: the first"));
   threads_ = Named(new QSpinBox, "run.threads", tr("Threads"));
   threads_->setRange(0, 4096);
   threads_->setSpecialValueText(tr("all cores"));
+  threads_->setToolTip(tr("How many threads compute; 0: one for each core. The results do not depend on it"));
   seed_ = Named(new QSpinBox, "run.seed", tr("Seed"));
   seed_->setRange(0, 1 << 30);
   seed_->setValue(1);
+  seed_->setToolTip(tr("Where random numbers begin. Another seed makes every result anew"));
   form_ = new StageForm;
   scroll_ = Named(new QScrollArea, "run.form", tr("Options"));
   scroll_->setWidget(form_);
@@ -170,6 +175,10 @@ void RunDesk::MakeControls() {
   expected_->setWordWrap(true);
   results_ = Named(new QTableWidget(0, 4), "run.results", tr("Results and their states"));
   results_->setHorizontalHeaderLabels({tr("result"), tr("state"), tr("metric"), tr("time (s)")});
+  SetHeaderHelp(results_,
+                {tr("stage, and the run, photo set or variant that it is made for"),
+                 tr("done, out of date, failed, running, missing, or not needed"),
+                 tr("main number of the result; lengths in metres"), tr("seconds that it took the last time")});
   results_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   results_->setSelectionBehavior(QAbstractItemView::SelectRows);
   results_->verticalHeader()->hide();
@@ -248,7 +257,7 @@ void RunDesk::ConnectJobs() {
   });
   connect(jobs_, &JobController::JobEnded, this, [this](const QString& job, const QString& end, const QString& why) {
     pending_.erase(job.toStdString());
-    Say(job + ": " + end + (why.isEmpty() ? "" : ": " + why));
+    Say(Whose() + job + ": " + end + (why.isEmpty() ? "" : ": " + why));
   });
   connect(jobs_, &JobController::Finished, this, &RunDesk::ShowEnd);
 }
@@ -258,7 +267,7 @@ void RunDesk::ShowResults() {
   for (const SnapshotResult& result : workspace_->results()) {
     const int row = results_->rowCount();
     results_->insertRow(row);
-    const QStringList cells{QString::fromStdString(result.title), QString::fromStdString(result.state),
+    const QStringList cells{QString::fromStdString(result.title), TextOfState(result.state),
                             QString::fromStdString(result.metric),
                             result.seconds > 0 ? QString::number(result.seconds, 'f', 1) : QString()};
     for (int c = 0; c < cells.size(); ++c) {
@@ -278,7 +287,7 @@ void RunDesk::ShowResult(int result) {
   for (int c = 0; c < results_->columnCount(); ++c) {
     results_->item(result, c)->setToolTip(QString::fromStdString(shown.reason));
   }
-  results_->item(result, 1)->setText(QString::fromStdString(shown.state));
+  results_->item(result, 1)->setText(TextOfState(shown.state));
   results_->item(result, 1)->setForeground(ColourOfState(shown.state));
 }
 
@@ -329,6 +338,7 @@ void RunDesk::Refresh() {
 
 void RunDesk::Forget() {
   form_->Reset();
+  edits_.clear();
   const QSignalBlocker block(variant_);
   variant_->clearEditText();
   runs_->clear();
@@ -398,10 +408,10 @@ void RunDesk::ShowStage() {
       values = MakeRequest(*workspace_->snapshot()->project, info, target).options;
     } catch (const Error&) {  // what is wrong with the project is shown when it is opened; the defaults serve here
     }
-    // What is typed outlasts a run, a reload, and another variant.
-    const auto edits = form_->stage() == stage ? form_->Edits() : std::map<std::string, QString>();
+    // What is typed outlasts a run, a reload, another variant, and another stage.
+    edits_[form_->stage()] = form_->Edits();
     form_->SetStage(stage, values);
-    form_->Restore(edits);
+    form_->Restore(edits_[stage]);
   }
   ShowCommand();
 }
@@ -419,7 +429,7 @@ void RunDesk::ShowCommand() {
   problem_->setVisible(!text.isEmpty());
   run_->setEnabled(problems.empty() && !jobs_->running());
   const JobQuery query = Query();
-  const QString expected = TextOf(ExpectedOf(*workspace_, query));
+  const QString expected = TextOf(ExpectedOf(*workspace_, query, static_cast<quint64>(seed_->value())));
   expected_->setText(expected);
   expected_->setVisible(!expected.isEmpty());
   command_->setText(QString::fromStdString(
@@ -428,7 +438,7 @@ void RunDesk::ShowCommand() {
 
 void RunDesk::Expect() {
   job_.clear();
-  const ExpectedTime expected = ExpectedOf(*workspace_, jobs_->query());
+  const ExpectedTime expected = ExpectedOf(*workspace_, jobs_->query(), jobs_->seed());
   pending_ = expected.of_job;
   at_least_ = expected.never_made + expected.unchecked > 0;
 }
@@ -444,16 +454,16 @@ QString RunDesk::LeftText(double job_s) const {
 
 void RunDesk::Run() {
   if (!workspace_->snapshot() || !run_->isEnabled()) return;
-  StartAsked(this, *workspace_, Query(), [this] {
-    jobs_->Start(workspace_->dir(), Query(), threads_->value(), static_cast<quint64>(seed_->value()));
-  });
+  const auto seed = static_cast<quint64>(seed_->value());
+  StartAsked(
+      this, *workspace_, Query(), [this, seed] { jobs_->Start(workspace_->dir(), Query(), threads_->value(), seed); },
+      seed);
 }
 
 void RunDesk::ShowProgress(const QString& job, const QString& task, qint64 done, qint64 total, double seconds_left) {
   bar_->setRange(0, total > 0 ? 1000 : 0);
   if (total > 0) bar_->setValue(static_cast<int>(1000 * done / total));
-  const QString of = jobs_->OtherProject(workspace_->dir());
-  QString text = (of.isEmpty() ? "" : tr("Project %1: ").arg(of)) + job + ": " + task;
+  QString text = Whose() + job + ": " + task;
   if (total > 0) text += tr(", %1 of %2").arg(done).arg(total);
   if (seconds_left >= 0) text += tr(", %1 left").arg(DurationText(seconds_left));
   status_->setText(text + LeftText(seconds_left));
@@ -465,15 +475,20 @@ void RunDesk::ShowEnd(JobController::End end, const QString& error) {
   bar_->setRange(0, 1000);
   bar_->setValue(end == JobController::End::kDone ? 1000 : 0);
   switch (end) {
-    case JobController::End::kDone: status_->setText(tr("Done.")); break;
-    case JobController::End::kCancelled: status_->setText(tr("Cancelled; finished stages are kept.")); break;
+    case JobController::End::kDone: status_->setText(Whose() + tr("Done.")); break;
+    case JobController::End::kCancelled: status_->setText(Whose() + tr("Cancelled; finished stages are kept.")); break;
     case JobController::End::kFailed:
-      status_->setText(tr("Failed: %1").arg(error));
-      emit workspace_->Problem(error, log_->toPlainText());
+      status_->setText(Whose() + tr("Failed: %1").arg(error));
+      emit workspace_->Problem(Whose() + error, log_->toPlainText());
       break;
   }
   Say(status_->text());
   ShowCommand();
+}
+
+QString RunDesk::Whose() const {
+  const QString of = jobs_->OtherProject(workspace_->dir());
+  return of.isEmpty() ? QString() : tr("Project %1: ").arg(of);
 }
 
 void RunDesk::Say(const QString& line) { log_->appendPlainText(QTime::currentTime().toString("HH:mm:ss ") + line); }

@@ -30,7 +30,8 @@ class StageGraph;
 // "3:20", "1:02:00".
 QString DurationText(double seconds);
 // Calls `start` at once, or where much would be computed again when that was asked (run.ask) and answered with yes.
-void StartAsked(QWidget* window, const Workspace& workspace, const JobQuery& query, const std::function<void()>& start);
+void StartAsked(QWidget* window, const Workspace& workspace, const JobQuery& query, const std::function<void()>& start,
+                quint64 seed = 1);
 
 class RunDesk : public QWidget {
   Q_OBJECT
@@ -61,6 +62,7 @@ class RunDesk : public QWidget {
   void Expect();                       // what a run that begins takes
   void ShowResult(int result);         // its state
   void Say(const QString& line);
+  QString Whose() const;  // "Project NAME: " where the run is of another project than the one that is open
 
   Workspace* workspace_;
   JobController* jobs_;
@@ -73,6 +75,7 @@ class RunDesk : public QWidget {
   QSpinBox* threads_;
   QSpinBox* seed_;
   StageForm* form_;
+  std::map<std::string, std::map<std::string, QString>> edits_;  // options that were typed, by stage
   QLineEdit* command_;
   QLabel* problem_;
   QScrollArea* scroll_;

@@ -25,6 +25,10 @@ QColor ColourOfState(const std::string& state) {
   return ReadableOn(QApplication::palette().color(QPalette::Base), colour);
 }
 
+QString TextOfState(const std::string& state) {
+  return state.empty() ? SiteTree::tr("checking ...") : SiteTree::tr(state.c_str());
+}
+
 SiteTree::SiteTree(Workspace* workspace, QWidget* parent) : QTreeWidget(parent), workspace_(workspace) {
   setObjectName("site.tree");
   setAccessibleName(tr("Site"));
@@ -163,8 +167,7 @@ void SiteTree::ShowStates() {
 void SiteTree::FillResults() {
   qDeleteAll(results_->takeChildren());
   for (const SnapshotResult& result : workspace_->results()) {
-    const QString state = result.state.empty() ? tr("checking ...") : tr(result.state.c_str());
-    auto* item = new QTreeWidgetItem(results_, {QString::fromStdString(result.title), state});
+    auto* item = new QTreeWidgetItem(results_, {QString::fromStdString(result.title), TextOfState(result.state)});
     item->setData(0, kStage, QString::fromStdString(result.stage));
     item->setData(0, kRun, QString::fromStdString(result.run));
     item->setData(0, kVariant, QString::fromStdString(result.variant));
@@ -195,7 +198,7 @@ void SiteTree::SetState(const QString& title, const QString& state) {
   QTreeWidgetItem* item = ResultItem(title);
   if (item == nullptr) return;
   const std::string name = state.toStdString();
-  item->setText(1, tr(name.c_str()));
+  item->setText(1, TextOfState(name));
   item->setForeground(1, ColourOfState(name));
 }
 

@@ -10,6 +10,8 @@ namespace trigpoint {
 
 // Of a result's state: "done", "failed", "out of date", "running", others.
 QColor ColourOfState(const std::string& state);
+// In the window's language; of one that is not known yet "checking ...".
+QString TextOfState(const std::string& state);
 
 class SiteTree : public QTreeWidget {
   Q_OBJECT

@@ -43,13 +43,14 @@ std::optional<Eigen::Vector3d> Sketch::PlaceOf(size_t index) const {
   return std::nullopt;
 }
 
-void Sketch::Remember() {
-  before_.push_back(items_);
+void Sketch::Remember(SketchStep::Kind kind, const SketchItem& item) {
+  before_.push_back({{kind, item.kind + " " + item.name}, items_});
+  after_.clear();
   changed_ = true;
 }
 
 void Sketch::Add(const SketchItem& item) {
-  Remember();
+  Remember(SketchStep::Kind::kAdd, item);
   // Rows of one path follow each other.
   auto at = items_.end();
   if (item.kind == "path") {
@@ -62,7 +63,7 @@ void Sketch::Add(const SketchItem& item) {
 }
 
 void Sketch::Replace(size_t index, const SketchItem& item) {
-  Remember();
+  Remember(SketchStep::Kind::kEdit, items_.at(index));
   const int old = items_.at(index).tag_id;
   items_[index] = item;
   if (item.kind != "tag" || item.tag_id == old) return;
@@ -76,12 +77,12 @@ void Sketch::Replace(size_t index, const SketchItem& item) {
 void Sketch::MoveTo(size_t index, const Eigen::Vector2d& east_north_m) {
   const auto from = PlaceOf(index);
   if (!from) return;
-  Remember();
+  Remember(SketchStep::Kind::kMove, items_[index]);
   items_[index].local_m = Eigen::Vector3d(east_north_m.x(), east_north_m.y(), from->z());
 }
 
 void Sketch::Remove(size_t index) {
-  Remember();
+  Remember(SketchStep::Kind::kRemove, items_.at(index));
   const SketchItem gone = items_.at(index);
   items_.erase(items_.begin() + static_cast<std::ptrdiff_t>(index));
   if (gone.kind != "tag") return;
@@ -91,10 +92,16 @@ void Sketch::Remove(size_t index) {
   }
 }
 
-void Sketch::Undo() {
-  if (before_.empty()) return;
-  items_ = std::move(before_.back());
-  before_.pop_back();
+void Sketch::Undo() { Exchange(&before_, &after_); }
+
+void Sketch::Redo() { Exchange(&after_, &before_); }
+
+void Sketch::Exchange(std::vector<Earlier>* from, std::vector<Earlier>* to) {
+  if (from->empty()) return;
+  Earlier other = std::move(from->back());
+  from->pop_back();
+  std::swap(other.items, items_);
+  to->push_back(std::move(other));
   changed_ = true;
 }
 

@@ -8,6 +8,7 @@
 #include "app/pipeline/stages.h"
 #include "app/pipeline/stitch_stage.h"
 #include "datasets/io/csv.h"
+#include "datasets/project/kept.h"
 #include "eval/errors/evaluate.h"
 
 namespace trigpoint {
@@ -39,6 +40,19 @@ double Seconds(const nlohmann::json& manifest) {
   if (!manifest.is_object()) return 0;
   const auto it = manifest.find("wall_seconds");
   return it != manifest.end() && it->is_number() ? it->get<double>() : 0;
+}
+
+std::optional<uint64_t> Seed(const nlohmann::json& manifest) {
+  if (!manifest.is_object()) return std::nullopt;
+  const auto it = manifest.find("seed");
+  return it != manifest.end() && it->is_number_unsigned() ? std::optional(it->get<uint64_t>()) : std::nullopt;
+}
+
+// Of the same options and decisions as `request`.
+bool IsMadeOf(const std::optional<nlohmann::json>& manifest, const StageRequest& request) {
+  return manifest && manifest->value("version", 0) == request.version &&
+         manifest->value("options", nlohmann::json()) == request.options &&
+         manifest->value("values", nlohmann::json()) == request.values;
 }
 
 // Tags that no station and no control point names, but a survey found.
@@ -85,7 +99,7 @@ void FillSite(const Project& project, Snapshot& snapshot) {
   }
   for (const ControlPoint& point : site.control_points) {
     const std::string name = ReviewControlName(point);
-    snapshot.controls.push_back({"control:" + name, name, point.control ? "control" : "check"});
+    snapshot.controls.push_back({"control:" + name, name, point.control ? "control" : "check", point.tag_id});
     if (point.tag_id >= 0) tags.insert(point.tag_id);
   }
   AddSurveyedTags(project, &tags);
@@ -149,10 +163,9 @@ std::set<std::string> Snapshot::Related(const std::string& object) const {
       add({"station:" + reference.station, "panorama:" + reference.name});
     }
   }
-  std::set<std::string> known;
-  for (const SnapshotControl& control : controls) known.insert(control.object);
-  for (const std::string& of : std::set<std::string>(related)) {
-    if (of.starts_with("tag:") && known.count("control:" + of.substr(4)) > 0) related.insert("control:" + of.substr(4));
+  for (const SnapshotControl& control : controls) {
+    if (control.tag_id >= 0 && related.count("tag:" + std::to_string(control.tag_id)) > 0)
+      related.insert(control.object);
   }
   return related;
 }
@@ -182,6 +195,7 @@ std::vector<SnapshotResult> StatesOfSnapshot(const Snapshot& snapshot) {
     result.reason = state.reason;
     result.metric = Metric(*state.job.stage, state.manifest);
     result.seconds = Seconds(state.manifest);
+    result.seed = Seed(state.manifest);
     results.push_back(std::move(result));
   }
   return results;
@@ -195,6 +209,7 @@ std::vector<SnapshotResult> ResultsOfSnapshot(const Snapshot& snapshot) {
     if (const auto manifest = ReadManifest(*snapshot.project, job.stage->name, name)) {
       result.metric = Metric(*job.stage, *manifest);
       result.seconds = Seconds(*manifest);
+      result.seed = Seed(*manifest);
     } else if (const auto failure = ReadFailure(*snapshot.project, job.stage->name, name)) {
       result.state = "failed";
       result.reason = failure->value("error", "");
@@ -206,13 +221,14 @@ std::vector<SnapshotResult> ResultsOfSnapshot(const Snapshot& snapshot) {
   return results;
 }
 
-ExpectedTime ExpectedTimeOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results,
-                            const JobQuery& query) {
+ExpectedTime ExpectedTimeOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results, const JobQuery& query,
+                            uint64_t seed) {
   ExpectedTime expected;
   for (const Job& job : AskedJobs(*snapshot.project, query)) {
     const std::string title = job.Title();
     const auto result = std::find_if(results.begin(), results.end(), [&](const auto& r) { return r.title == title; });
-    const bool changed = query.overrides.contains(job.stage->name);
+    const bool other_seed = result != results.end() && result->seed && *result->seed != seed;
+    const bool changed = query.overrides.contains(job.stage->name) || other_seed;
     if (result == results.end() || result->state == "missing" || result->state == "failed") {
       ++expected.never_made;
     } else if (changed || result->state == "out of date") {
@@ -225,6 +241,21 @@ ExpectedTime ExpectedTimeOf(const Snapshot& snapshot, const std::vector<Snapshot
     }
   }
   return expected;
+}
+
+bool AreKept(const Snapshot& snapshot, const JobQuery& query) {
+  const Project& project = *snapshot.project;
+  try {
+    const std::vector<Job> jobs = AskedJobs(project, query);
+    return std::all_of(jobs.begin(), jobs.end(), [&](const Job& job) {
+      if (job.stage->not_needed && !job.stage->not_needed(project, job.target).empty()) return true;
+      const StageRequest request = MakeRequest(project, *job.stage, job.target);
+      return IsMadeOf(ReadManifest(project, request.stage, request.name), request) ||
+             IsMadeOf(ReadKept(project, request.stage, request.name), request);
+    });
+  } catch (const Error&) {  // wrong options: that is said when it is run
+    return false;
+  }
 }
 
 }  // namespace trigpoint

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -43,6 +44,7 @@ struct SnapshotStation {
 
 struct SnapshotControl {
   std::string object, name, role;  // control or check, review included
+  int tag_id = -1;                 // at its centre or a corner; -1: marked in images
 };
 
 struct SnapshotResult {
@@ -51,6 +53,7 @@ struct SnapshotResult {
   std::string reason;  // of a failure
   std::string metric;  // the main one, with its value, metres
   double seconds = 0;  // that it took; 0: not known
+  std::optional<uint64_t> seed = {};  // that it was made with; nothing: not known
 };
 
 struct Snapshot {
@@ -88,7 +91,11 @@ struct ExpectedTime {
   double unchecked_s = 0;                // that they took
   std::map<std::string, double> of_job;  // seconds of each that is computed again, by its title
 };
-ExpectedTime ExpectedTimeOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results,
-                            const JobQuery& query);
+// Results of another seed are computed again.
+ExpectedTime ExpectedTimeOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& results, const JobQuery& query,
+                            uint64_t seed = 1);
+// Whether each result of a query was made with the options and decisions of now, or was kept beside its successor when
+// a decision replaced it. Does not look at the inputs' contents: fast.
+bool AreKept(const Snapshot& snapshot, const JobQuery& query);
 
 }  // namespace trigpoint

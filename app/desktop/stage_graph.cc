@@ -192,14 +192,14 @@ QSize StageGraph::sizeHint() const {
 }
 
 QString StageGraph::DoneText(const StageBox& box) {
-  if (box.results == 1) return QString::fromStdString(box.state);
+  if (box.results == 1) return TextOfState(box.state);
   return tr("%1 of %2 done").arg(box.done).arg(box.results);
 }
 
 QString StageGraph::DescriptionOf(const StageBox& box) const {
   QString text = QString::fromStdString(box.stage) + ": ";
   text += DoneText(box);
-  if (box.results > 1 && box.state != "done") text += ", " + tr("worst: %1").arg(QString::fromStdString(box.state));
+  if (box.results > 1 && box.state != "done") text += ", " + tr("worst: %1").arg(TextOfState(box.state));
   if (box.seconds > 0) text += ", " + DurationText(box.seconds);
   if (!box.metric.empty()) text += ", " + QString::fromStdString(box.metric);
   if (!box.metric.empty() && box.results > 1) text += " " + (box.summed ? tr("in all") : tr("at most"));

@@ -14,7 +14,6 @@
 #include "app/desktop/object_table.h"
 #include "app/desktop/overview.h"
 #include "app/desktop/tolerance.h"
-#include "eval/report/verdict.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {
@@ -85,12 +84,21 @@ void StationCard::SetOverview(std::shared_ptr<const Overview> overview) {
   Show();
 }
 
+void StationCard::SetVariant(const QString& variant) {
+  if (variant == variant_) return;
+  variant_ = variant;
+  Show();
+}
+
+bool StationCard::IsShown(const std::string& station, const std::string& panorama) const {
+  return Text(object_.startsWith("station:") ? station : panorama) == object_.section(':', 1);
+}
+
 void StationCard::Show() {
   object_ = Text(StationShown(overview_.get(), workspace_->related(), workspace_->selected().toStdString()));
-  const auto& snapshot = workspace_->snapshot();
   table_->setRowCount(0);
   table_->clearSpans();
-  const bool any = snapshot && overview_ && !object_.isEmpty();
+  const bool any = workspace_->snapshot() && overview_ && !object_.isEmpty();
   for (QWidget* widget : {static_cast<QWidget*>(table_), static_cast<QWidget*>(note_), buttons_}) {
     widget->setVisible(any);
   }
@@ -99,32 +107,56 @@ void StationCard::Show() {
     title_->setText(tr("Select a station: in the plan, a table, a chart, the scene, or the tree."));
     return;
   }
-  const QString name = object_.section(':', 1), unit = workspace_->unit();
+  ShowTitle();
+  ShowHeader();
+  ShowErrors();
+  const bool errors = table_->rowCount() > 0;
+  if (!errors) ShowAnswers();
+  const bool answers = table_->rowCount() > 0;
+  table_->resizeColumnsToContents();
+  int widest = table_->horizontalHeader()->sectionSizeHint(0);  // of the runs: what stands across takes all columns
+  for (int row = 0; row < table_->rowCount(); ++row) {
+    if (table_->columnSpan(row, 0) > 1) continue;
+    widest = std::max(widest, table_->fontMetrics().horizontalAdvance(table_->item(row, 0)->text()) + 12);
+  }
+  table_->setColumnWidth(0, widest);
+  table_->setVisible(answers);
+  note_->setText(Note(errors, answers));
+}
+
+void StationCard::ShowTitle() {
   QString tag;
-  for (const SnapshotStation& s : snapshot->stations) {
+  for (const SnapshotStation& s : workspace_->snapshot()->stations) {
     if (object_ == Text("station:" + s.name) && s.tag_id >= 0) tag = tr(", tag %1").arg(s.tag_id);
   }
-  title_->setText(
-      "<b>" +
-      (object_.startsWith("station:") ? tr("Station %1%2") : tr("Panorama %1%2")).arg(name.toHtmlEscaped(), tag) +
-      "</b>");
-  const QStringList header{tr("run"),    tr("3D"),      "dE", "dN", "dU", QString::fromUtf8("\xcf\x83 3D"),
-                           tr("within"), tr("NEES/dof")};
+  title_->setText("<b>" +
+                  (object_.startsWith("station:") ? tr("Station %1%2") : tr("Panorama %1%2"))
+                      .arg(object_.section(':', 1).toHtmlEscaped(), tag) +
+                  "</b>");
+}
+
+void StationCard::ShowHeader() {
+  const QString unit = workspace_->unit();
+  const QStringList header{tr("run"), tr("3D"),      QString::fromUtf8("\xcf\x83 3D"), tr("within"), "dE", "dN",
+                           "dU",      tr("NEES/dof")};
   table_->setColumnCount(header.size());
   table_->setHorizontalHeaderLabels(header);
   const QStringList help{tr("run, and what was answered"),
                          tr("error in space (%1)").arg(unit),
+                         tr("1 sigma of the difference in space (%1)").arg(unit),
+                         tr("the tolerance that the error keeps, of 0.1, 0.25, 0.5 and 1 m (%1)").arg(unit),
                          tr("error to the east (%1)").arg(unit),
                          tr("error to the north (%1)").arg(unit),
                          tr("error upwards (%1)").arg(unit),
-                         tr("1 sigma of the difference in space (%1)").arg(unit),
-                         tr("the tolerance that the error keeps, of 0.1, 0.25, 0.5 and 1 m (%1)").arg(unit),
                          tr("squared error in its own sigmas, by degrees of freedom: about 1 if the sigmas are right")};
   SetHeaderHelp(table_, help);
+}
+
+void StationCard::ShowErrors() {
   std::vector<const ErrorRecord*> rows;
   bool views = false;
   for (const ErrorRecord& e : overview_->errors) {
-    if (Text(object_.startsWith("station:") ? e.station : e.panorama) != name) continue;
+    if (!IsShown(e.station, e.panorama) || Text(e.variant) != variant_) continue;
     views |= e.method == "g1";
     if (e.method != "g1" || views_->isChecked()) rows.push_back(&e);
   }
@@ -137,34 +169,73 @@ void StationCard::Show() {
     AddGroup({begin, end});
     begin = end;
   }
-  table_->resizeColumnsToContents();
-  int widest = table_->horizontalHeader()->sectionSizeHint(0);  // of the runs: what stands across takes all columns
-  for (const ErrorRecord* e : rows) {
-    widest = std::max(widest, table_->fontMetrics().horizontalAdvance(Text(e->run)) + 12);
-  }
-  table_->setColumnWidth(0, widest);
-  table_->setVisible(!rows.empty());
-  note_->setText(rows.empty() ? tr("No answer of it is evaluated: run localize, then evaluate.")
-                              : tr("Lengths in %1. Absolute: in site coordinates (east, north, up), with the "
-                                   "georeference's error. Relative: in the run's own frame.")
-                                    .arg(unit));
 }
 
-void StationCard::AddGroup(const std::vector<const ErrorRecord*>& rows) {
-  VerdictErrors group;
-  group.reference = rows.front()->reference;
+void StationCard::ShowAnswers() {
+  for (const OverviewAnswer& a : overview_->answers) {
+    if (!IsShown(a.station, a.panorama) || Text(a.variant) != variant_) continue;
+    const int row = table_->rowCount();
+    table_->insertRow(row);
+    Put(row, 0, Text(a.run), Text(a.panorama));
+    QString text = a.status == "localized" ? tr("located") : Text(a.status);
+    if (a.status == "localized" && a.sigma_m) {
+      text += QString::fromUtf8(", \xcf\x83 ") + workspace_->Length(*a.sigma_m, kDecimals) + tr(" (largest axis)");
+    }
+    if (!a.reason.empty()) text += ": " + Text(a.reason);
+    PutAcross(row, 1, text, text);
+  }
+}
+
+QString StationCard::Note(bool errors, bool answers) const {
+  QString which;
+  if (workspace_->snapshot()->variants.size() > 1) {
+    which = tr("Results: %1.").arg(variant_.isEmpty() ? tr("the first ones") : tr("variant %1").arg(variant_)) + " ";
+  }
+  if (errors) {
+    return which + tr("Lengths in %1. Absolute: in site coordinates (east, north, up), with the georeference's error. "
+                      "Relative: in the run's own frame.")
+                       .arg(workspace_->unit());
+  }
+  const auto& results = workspace_->results();
+  const bool evaluated = std::any_of(results.begin(), results.end(), [](const SnapshotResult& r) {
+    return r.stage == "evaluate" && r.state != "missing" && r.state != "failed";
+  });
+  if (!answers) return which + tr("No run answers it: run localize.");
+  return which + (evaluated ? tr("There is no reference to compare its answers with.")
+                            : tr("Its answers are not compared yet: run evaluate."));
+}
+
+QTableWidgetItem* StationCard::Put(int row, int column, const QString& text, const QString& help) {
+  auto* item = new QTableWidgetItem(text);
+  if (column > 0) item->setTextAlignment(static_cast<int>(Qt::AlignRight | Qt::AlignVCenter));
+  item->setToolTip(help);
+  item->setData(Qt::UserRole, object_);
+  table_->setItem(row, column, item);
+  return item;
+}
+
+QTableWidgetItem* StationCard::PutAcross(int row, int from, const QString& text, const QString& help) {
+  QTableWidgetItem* item = Put(row, from, text, help);
+  item->setTextAlignment(static_cast<int>(Qt::AlignLeft | Qt::AlignVCenter));
+  table_->setSpan(row, from, 1, table_->columnCount() - from);
+  return item;
+}
+
+// In two lines, so that it is read beside a narrow table.
+void StationCard::AddTitle(const QString& text, const QString& below) {
   const int row = table_->rowCount();
   table_->insertRow(row);
-  auto* item = new QTableWidgetItem(
-      Text(rows.front()->kind + ", " + MethodName(rows.front()->method) + ", against " + group.Against()));
+  QTableWidgetItem* item = PutAcross(row, 0, text + "\n" + below, text + ", " + below);
   QFont bold = table_->font();
   bold.setBold(true);
   item->setFont(bold);
   item->setFlags(Qt::ItemIsEnabled);
-  item->setToolTip(item->text());
-  item->setData(Qt::UserRole, object_);
-  table_->setItem(row, 0, item);
-  table_->setSpan(row, 0, 1, table_->columnCount());
+  table_->setRowHeight(row, 2 * table_->fontMetrics().lineSpacing() + 6);
+}
+
+void StationCard::AddGroup(const std::vector<const ErrorRecord*>& rows) {
+  const ErrorRecord& first = *rows.front();
+  AddTitle(Text(first.kind + ", " + MethodName(first.method)), Text("against " + ReferenceName(first.reference)));
   for (const ErrorRecord* e : rows) AddRow(*e);
 }
 
@@ -172,35 +243,25 @@ void StationCard::AddRow(const ErrorRecord& e) {
   const auto length = [this](const std::optional<double>& metres) {
     return metres ? QString::number(*metres / workspace_->metres_per_unit(), 'f', kDecimals) : QString();
   };
-  const auto part = [&](int k) {
-    return length(e.error_enu_m ? std::optional<double>((*e.error_enu_m)(k)) : std::nullopt);
-  };
   const int row = table_->rowCount();
   table_->insertRow(row);
-  const auto put = [&](int column, const QString& text) {
-    auto* item = new QTableWidgetItem(text);
-    if (column > 0) item->setTextAlignment(static_cast<int>(Qt::AlignRight | Qt::AlignVCenter));
-    item->setToolTip(Text(e.panorama));
-    item->setData(Qt::UserRole, object_);
-    table_->setItem(row, column, item);
-    return item;
-  };
+  const auto put = [&](int column, const QString& text) { return Put(row, column, text, Text(e.panorama)); };
   put(0, Text(e.run));
   if (!e.Answered()) {
-    put(1, e.reason.empty() ? Text(e.status) : Text(e.status + ": " + e.reason))
-        ->setTextAlignment(static_cast<int>(Qt::AlignLeft | Qt::AlignVCenter));
-    table_->item(row, 1)->setToolTip(table_->item(row, 1)->text());
-    table_->setSpan(row, 1, 1, table_->columnCount() - 1);
+    const QString text = e.reason.empty() ? Text(e.status) : Text(e.status + ": " + e.reason);
+    PutAcross(row, 1, text, text);
     return;
   }
   QTableWidgetItem* error = put(1, length(e.error_3d_m));
   const ErrorColours colours = ColoursOfError(*e.error_3d_m);
   error->setBackground(colours.background);
   error->setForeground(colours.text);
-  for (int k = 0; k < 3; ++k) put(2 + k, part(k));
-  put(5, length(SigmaInSpace(e)));
+  put(2, length(SigmaInSpace(e)));
   const std::optional<double> tolerance = ToleranceOf(*e.error_3d_m);
-  put(6, tolerance ? QString::number(*tolerance / workspace_->metres_per_unit(), 'g', 3) : tr("none"));
+  put(3, tolerance ? QString::number(*tolerance / workspace_->metres_per_unit(), 'g', 3) : tr("none"));
+  for (int k = 0; k < 3; ++k) {
+    put(4 + k, length(e.error_enu_m ? std::optional<double>((*e.error_enu_m)(k)) : std::nullopt));
+  }
   put(7, e.nees && e.dof > 0 ? QString::number(*e.nees / e.dof, 'f', 2) : QString());
 }
 

@@ -24,6 +24,8 @@ class StationCard : public QWidget {
   explicit StationCard(Workspace* workspace, QWidget* parent = nullptr);
   // What the errors are taken from; null: nothing is known.
   void SetOverview(std::shared_ptr<const Overview> overview);
+  // Which set of results is shown; empty: the first.
+  void SetVariant(const QString& variant);
   // Whose numbers are shown: "station:S57", "panorama:..." for one without a station; empty: nobody's.
   const QString& object() const { return object_; }
 
@@ -33,6 +35,15 @@ class StationCard : public QWidget {
 
  private:
   void Show();
+  void ShowTitle();
+  void ShowHeader();
+  void ShowErrors();
+  void ShowAnswers();  // of a panorama that nothing is compared with
+  QString Note(bool errors, bool answers) const;
+  bool IsShown(const std::string& station, const std::string& panorama) const;
+  QTableWidgetItem* Put(int row, int column, const QString& text, const QString& help);
+  QTableWidgetItem* PutAcross(int row, int from, const QString& text, const QString& help);
+  void AddTitle(const QString& text, const QString& below);
   void AddGroup(const std::vector<const ErrorRecord*>& rows);
   void AddRow(const ErrorRecord& error);
 
@@ -42,7 +53,7 @@ class StationCard : public QWidget {
   QTableWidget* table_;
   QCheckBox* views_;
   QWidget* buttons_;
-  QString object_;
+  QString object_, variant_;
 };
 
 }  // namespace trigpoint

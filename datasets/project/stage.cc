@@ -19,6 +19,7 @@
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/forked.h"
+#include "datasets/project/kept.h"
 #include "datasets/project/manifest.h"
 #include "datasets/project/stage_task.h"
 #include "datasets/project/task_lock.h"
@@ -530,6 +531,10 @@ std::optional<json> ReadManifest(const Project& project, const std::string& stag
 
 std::optional<json> ReadFailure(const Project& project, const std::string& stage, const std::string& name) {
   return ReadManifestIn(Beside(project.ResultDir(stage, name), kFailedPrefix));
+}
+
+std::optional<json> ReadKept(const Project& project, const std::string& stage, const std::string& name) {
+  return ReadManifestIn(Beside(project.ResultDir(stage, name), kBeforePrefix));
 }
 
 }  // namespace trigpoint

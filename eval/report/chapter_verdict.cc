@@ -50,12 +50,12 @@ class VerdictChapter {
   void About() {
     if (c_.data.runs.empty()) {
       const bool photos = site().runs.empty();
-      blocks_.push_back(
-          Paragraph{photos ? "This project has photos but no run: there is nothing to localize. Its stitched "
-                             "panoramas are shown below."
-                           : "No run of this project is localized yet, so there are no answers to show. "
-                             "Provenance lists what was found and what failed. Next: trigpoint run.",
-                    photos ? Tone::kPlain : Tone::kWarning});
+      blocks_.push_back(Paragraph{
+          photos ? std::string("This project has photos but no run: there is nothing to localize.") +
+                       (c_.alone ? "" : " Its stitched panoramas are shown below.")
+                 : std::string("No run of this project is localized yet, so there are no answers to show.") +
+                       (c_.alone ? "" : " Provenance lists what was found and what failed.") + " Next: trigpoint run.",
+          photos ? Tone::kPlain : Tone::kWarning});
       return;
     }
     std::string text = Counted(verdict_.runs.size(), "run");
@@ -309,7 +309,8 @@ class VerdictChapter {
     }
     for (const VerdictRun& run : verdict_.runs) {
       if (!run.georeferenced && things.size() < kThings)
-        things.push_back({run.run + " is not georeferenced: " + run.source, Tone::kPlain, "runs"});
+        things.push_back(
+            {run.run + " is not georeferenced" + (run.source.empty() ? "" : ": " + run.source), Tone::kPlain, "runs"});
     }
     // A refusal says more than a panorama that a run did not pass.
     for (const char* status : {"rejected", "unmatched"}) {

@@ -19,6 +19,7 @@ struct ChapterContext {
   const DisplayUnit& unit;
   std::map<std::string, std::string> station_anchor;  // station -> anchor of its section
   std::map<std::string, Figure> match_figures;        // "run@variant/panorama"
+  bool alone = false;                                 // one chapter is shown by itself: it must not point to others
 
   std::string Length(const std::optional<double>& metres, int decimals = 3) const;      // "" if not given; without unit
   std::string LengthUnit(const std::optional<double>& metres, int decimals = 3) const;  // with unit

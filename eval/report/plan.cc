@@ -41,9 +41,9 @@ class PlanPainter {
                           scene_.frame + " (" + unit_.name + ").";
     if (!scene_.errors.empty()) {
       caption += fmt::format(
-          " Arrows: from the reference to the answer, horizontally, {}; dashed ellipses: 95 % of the difference at the "
-          "same scale.",
-          EnlargedText(enlarged_));
+          " Arrows: from the reference to the answer, horizontally, {}{}; dashed ellipses: 95 % of the difference at "
+          "the same scale.",
+          scene_.comparison.empty() ? "" : scene_.comparison + ", ", EnlargedText(enlarged_));
       if (cut_ > 0) {
         caption += fmt::format(" Without ellipse or head: {} that {} too far for this enlargement.",
                                Counted(cut_, "difference"), cut_ == 1 ? "reaches" : "reach");

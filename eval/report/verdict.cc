@@ -10,7 +10,6 @@
 #include "calib/base/counted.h"
 #include "eval/statistics/distributions.h"
 #include "eval/statistics/statistics.h"
-#include "eval/text/method_name.h"
 
 namespace trigpoint {
 namespace {
@@ -47,15 +46,6 @@ VerdictErrors ErrorsOf(const ReportData& data, const nlohmann::json& group, cons
   return errors;
 }
 
-// The better of two comparisons of a kind: no shared evidence before shared, the most answers, then control before
-// maps.
-bool Better(const VerdictErrors& a, const VerdictErrors& b) {
-  const auto rank = [](const VerdictErrors& e) {
-    return std::tuple(!e.shares_evidence, e.answers, e.reference == "control");
-  };
-  return rank(a) > rank(b);
-}
-
 void ChooseErrors(const ReportData& data, const std::string& variant, ProjectVerdict* verdict) {
   for (const VariantData& v : data.variants) {
     const auto groups = v.summary.find("groups");
@@ -69,7 +59,7 @@ void ChooseErrors(const ReportData& data, const std::string& variant, ProjectVer
       std::optional<VerdictErrors>& place = !own ? (absolute ? verdict->paper_absolute : verdict->paper_relative)
                                             : g1 ? (absolute ? verdict->g1_absolute : verdict->g1_relative)
                                                  : (absolute ? verdict->absolute : verdict->relative);
-      if (!place || Better(errors, *place)) place = std::move(errors);
+      if (!place || IsBetter(errors, *place)) place = std::move(errors);
     }
   }
 }
@@ -166,8 +156,6 @@ std::optional<SigmaTest> SigmasOf(const nlohmann::json& group) {
 }
 
 std::optional<SigmaTest> VerdictErrors::Sigmas() const { return SigmasOf(group); }
-
-std::string VerdictErrors::Against() const { return ReferenceName(reference); }
 
 std::string ProjectVerdict::ReferenceWord() const {
   return photos == 0 ? "panoramas" : panoramas == 0 ? "photos" : "panoramas and photos";

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "eval/errors/comparison.h"
 #include "eval/report/document.h"
 #include "eval/report/report_data.h"
 
@@ -23,13 +24,11 @@ struct SigmaTest {
 // independent.
 std::optional<SigmaTest> SigmasOf(const nlohmann::json& group);
 
-// One comparison of the evaluation: a method against a reference.
-struct VerdictErrors {
+// One comparison of the evaluation, with its numbers.
+struct VerdictErrors : Comparison {
   std::optional<SigmaTest> Sigmas() const;
   nlohmann::json group;  // of summary.json
-  std::string variant, method, reference, kind;
-  bool shares_evidence = false;
-  int answers = 0, attempts = 0;
+  int attempts = 0;
   std::optional<double> median_m, p90_m, worst_m;
   // Length of the mean difference in space over at least three answers: what moving every answer alike would remove.
   std::optional<double> common_shift_m;
@@ -38,8 +37,6 @@ struct VerdictErrors {
     return e.variant == variant && e.method == method && e.reference == reference && e.kind == kind &&
            e.shares_evidence == shares_evidence;
   }
-  // "tags seen by the same run's cameras", "surveyed control", "the tag map".
-  std::string Against() const;
 };
 
 struct VerdictRun {

@@ -199,7 +199,9 @@ void SceneView::Parts::BuildLegend() {
   }
   add("estimates", "other systems, fitted rigidly", kPurple);
   add("geotags", "geotags of panoramas", kSky);
-  add("errors", fmt::format("errors x {}", ShortNumber(error_scale)), kVermilion);
+  add("errors",
+      fmt::format("errors x {}", ShortNumber(error_scale)) + (model.comparison.empty() ? "" : ": " + model.comparison),
+      kVermilion);
   const std::string scale = fmt::format(", {:.0f} %, x {}", 100 * style.confidence, ShortNumber(error_scale));
   add("ellipsoids", "ellipsoids of errors" + scale, kVermilion);
   add("gps", "GPS", kGreen);

@@ -9,6 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
+#include <tuple>
 
 #include "calib/geometry/alignment.h"
 #include "datasets/io/csv.h"
@@ -16,6 +17,7 @@
 #include "datasets/io/text.h"
 #include "datasets/project/review.h"
 #include "datasets/project/stage.h"
+#include "eval/errors/comparison.h"
 #include "eval/errors/evaluate.h"
 #include "eval/errors/results.h"
 #include "eval/scene/scene_points.h"
@@ -434,39 +436,65 @@ class Loader {
     }
   }
 
-  // The differences of one group a run: absolute ones against a map, else those in the run's own frame.
+  // The rows of the one comparison that all of the program shows.
   void AddErrors() {
     const fs::path file = ResultOf("evaluate", "") / "errors.csv";
     if (!fs::exists(file)) return;
     const CsvTable table = CsvTable::Read(
         file, {"run", "method", "station", "panorama", "reference", "kind", "status", "de_m", "dn_m", "du_m"});
-    std::map<std::pair<std::string, std::string>, std::pair<int, SceneError>> best;
+    std::vector<std::pair<Comparison, SceneError>> rows;
+    std::vector<Comparison> all;
     for (const CsvRow& row : table.rows()) {
-      if (row.Text("status") != "localized" || row.Text("method") == "g1") continue;
-      if (!row.Has("de_m") || !row.Has("dn_m") || !row.Has("du_m")) continue;
-      SceneError error;
-      error.run = row.Text("run"), error.variant = options_.variant, error.method = row.Text("method");
-      error.station = row.Text("station"), error.panorama = row.Text("panorama");
-      error.reference = row.Text("reference");
-      error.difference = {row.Number("de_m"), row.Number("dn_m"), row.Number("du_m")};
-      // A sigma that is no number is one that isn't known; the error is still one.
-      const auto sigma = [&](const char* column) {
-        return table.HasColumn(column) && row.Has(column) ? ParseDouble(row.Text(column)) : std::nullopt;
-      };
-      const auto e = sigma("sigma_e_m"), n = sigma("sigma_n_m"), u = sigma("sigma_u_m");
-      if (e && n && u && std::isfinite(*e + *n + *u)) error.sigma_m = {*e, *n, *u};
-      const int rank = row.Text("kind") == "absolute" ? (error.reference == "survey" ? 3 : 2) : 1;
-      const auto key = std::make_pair(error.run, error.panorama);
-      const auto it = best.find(key);
-      if (it == best.end() || it->second.first < rank) best.insert_or_assign(key, std::make_pair(rank, error));
+      if (row.Text("status") != "localized" || !row.Has("de_m") || !row.Has("dn_m") || !row.Has("du_m")) continue;
+      const Comparison of = ComparisonOf(table, row);
+      rows.emplace_back(of, ErrorOf(table, row));
+      auto same = std::find_if(all.begin(), all.end(), [&](const Comparison& c) { return IsSame(c, of); });
+      if (same == all.end()) same = all.insert(all.end(), of);
+      ++same->answers;
     }
+    const std::optional<Comparison> best = BestComparison(all, options_.variant);
+    if (!best) return;
+    model_.comparison = best->Words();
     for (const ScenePanorama& panorama : model_.panoramas) {
-      const auto it = best.find({panorama.run, panorama.panorama});
-      if (it == best.end()) continue;
-      SceneError error = it->second.second;
-      error.reference_position = panorama.world_from_pano.translation - error.difference;
-      model_.errors.push_back(std::move(error));
+      for (const auto& [of, of_row] : rows) {
+        if (!IsSame(of, *best) || of_row.run != panorama.run || of_row.panorama != panorama.panorama) continue;
+        SceneError error = of_row;
+        error.reference_position = panorama.world_from_pano.translation - error.difference;
+        model_.errors.push_back(std::move(error));
+      }
     }
+  }
+
+  Comparison ComparisonOf(const CsvTable& table, const CsvRow& row) const {
+    Comparison of;
+    if (table.HasColumn("variant")) of.variant = row.Text("variant");
+    if (of.variant.empty()) of.variant = options_.variant;
+    of.method = row.Text("method"), of.reference = row.Text("reference"), of.kind = row.Text("kind");
+    of.shares_evidence =
+        table.HasColumn("shares_evidence") ? row.Text("shares_evidence") == "yes" : of.reference == "self";
+    return of;
+  }
+
+  static bool IsSame(const Comparison& a, const Comparison& b) {
+    const auto key = [](const Comparison& c) {
+      return std::tie(c.variant, c.method, c.reference, c.kind, c.shares_evidence);
+    };
+    return key(a) == key(b);
+  }
+
+  SceneError ErrorOf(const CsvTable& table, const CsvRow& row) const {
+    SceneError error;
+    error.run = row.Text("run"), error.variant = options_.variant, error.method = row.Text("method");
+    error.station = row.Text("station"), error.panorama = row.Text("panorama");
+    error.reference = row.Text("reference");
+    error.difference = {row.Number("de_m"), row.Number("dn_m"), row.Number("du_m")};
+    // A sigma that is no number is one that isn't known; the error is still one.
+    const auto sigma = [&](const char* column) {
+      return table.HasColumn(column) && row.Has(column) ? ParseDouble(row.Text(column)) : std::nullopt;
+    };
+    const auto e = sigma("sigma_e_m"), n = sigma("sigma_n_m"), u = sigma("sigma_u_m");
+    if (e && n && u && std::isfinite(*e + *n + *u)) error.sigma_m = {*e, *n, *u};
+    return error;
   }
 
   // A single point at a billion metres takes all of the depth buffer's range, and the site vanishes.

@@ -131,6 +131,7 @@ struct SceneModel {
   std::vector<ScenePanorama> panoramas;
   std::vector<SceneTag> tags;
   std::vector<SceneControl> control;
+  std::string comparison;  // that all of `errors` are of: "absolute, against surveyed control"; empty: there are none
   std::vector<SceneError> errors;
   std::vector<SceneImage> images;  // that points were seen in
   std::optional<SceneAerial> aerial;

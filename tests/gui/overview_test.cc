@@ -4,19 +4,26 @@
 #include <gmock/gmock.h>
 
 #include <QCheckBox>
+#include <QComboBox>
 #include <QLabel>
 #include <QMenu>
 #include <QPushButton>
+#include <QScrollArea>
+#include <QScrollBar>
 #include <QSignalSpy>
 #include <QTableWidget>
 #include <filesystem>
 #include <sstream>
 
+#include "app/desktop/decisions.h"
 #include "app/desktop/overview_desk.h"
 #include "app/desktop/picture_view.h"
 #include "app/pipeline/jobs.h"
+#include "app/pipeline/reviewed.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
+#include "datasets/project/review.h"
+#include "eval/scene/scene_model.h"
 #include "tests/gui/gui_driver.h"
 
 namespace trigpoint {
@@ -76,8 +83,9 @@ TEST_F(OverviewTest, ACellAPlaceAndATreeSelectTheSameStation) {
   EXPECT_EQ(window_->workspace()->selected(), "station:S2");
   ASSERT_EQ(card->rowCount(), 2);  // what is compared, and the run
   EXPECT_TRUE(card->isVisible());
-  EXPECT_EQ(card->item(0, 0)->text(), "absolute, panorama (G2), against surveyed control");
-  const char* expected[] = {"run1", "0.030", "0.030", "0.000", "0.000", "0.107", "0.1", "0.33"};
+  EXPECT_EQ(card->item(0, 0)->toolTip(), "absolute, panorama (G2), against surveyed control");
+  EXPECT_EQ(card->item(0, 0)->text(), "absolute, panorama (G2)\nagainst surveyed control");
+  const char* expected[] = {"run1", "0.030", "0.107", "0.1", "0.030", "0.000", "0.000", "0.33"};
   for (int c = 0; c < card->columnCount(); ++c) EXPECT_EQ(card->item(1, c)->text(), expected[c]) << c;
   EXPECT_THAT(Child<QLabel>(window_.get(), "card.title")->text().toStdString(), HasSubstr("Station S2, tag 2"));
   for (const char* desk : {"scene", "images", "tables", "compare", "review"}) {  // the same beside every desk
@@ -104,6 +112,77 @@ TEST_F(OverviewTest, ACellAPlaceAndATreeSelectTheSameStation) {
     const QPointF at = window_->scene()->PlaceOf("panorama:panoramas/p003.jpg") / view->devicePixelRatioF();
     return (at - QPointF(view->rect().center())).manhattanLength() < 40;
   }));
+}
+
+TEST_F(OverviewTest, TheCardShowsErrorSigmaAndToleranceAtItsFirstWidth) {
+  window_->workspace()->Select("station:S2");
+  auto* card = Child<QTableWidget>(window_.get(), "card.table");
+  ASSERT_EQ(card->rowCount(), 2);
+  ASSERT_TRUE(WaitFor([&] { return card->isVisible() && card->viewport()->width() > 100; }));
+  const QStringList first{"run", "3D", QString::fromUtf8("\xcf\x83 3D"), "within"};
+  for (int c = 0; c < first.size(); ++c) EXPECT_EQ(card->horizontalHeaderItem(c)->text(), first[c]);
+  EXPECT_LE(card->columnViewportPosition(3) + card->columnWidth(3), card->viewport()->width());
+  QFont bold = card->font();
+  bold.setBold(true);
+  for (const QString& line : card->item(0, 0)->text().split('\n')) {
+    EXPECT_LT(QFontMetrics(bold).horizontalAdvance(line), card->viewport()->width()) << line.toStdString();
+  }
+  EXPECT_GE(card->rowHeight(0), 2 * QFontMetrics(bold).height());
+}
+
+TEST_F(OverviewTest, TheCardSaysWhoseResultsTheSceneShows) {
+  ShowScene();
+  window_->workspace()->Select("station:S2");
+  auto* card = Child<QTableWidget>(window_.get(), "card.table");
+  const auto* note = Child<QLabel>(window_.get(), "card.note");
+  EXPECT_EQ(card->item(1, 1)->text(), "0.030");
+  EXPECT_THAT(note->text().toStdString(), HasSubstr("Results: the first ones."));
+  auto* variant = Child<QComboBox>(window_.get(), "scene.variant");
+  variant->setCurrentIndex(variant->findData("trial"));
+  EXPECT_EQ(card->item(1, 1)->text(), "0.060");
+  EXPECT_THAT(note->text().toStdString(), HasSubstr("Results: variant trial."));
+  window_->ShowDesk("overview");  // whose matrix is of the first ones
+  EXPECT_EQ(card->item(1, 1)->text(), "0.030");
+}
+
+TEST_F(OverviewTest, WhatRunsOrIsNotCheckedIsNotUpToDate) {
+  const Snapshot& snapshot = *window_->workspace()->snapshot();
+  std::vector<SnapshotResult> results(2);
+  results[0].state = "done";
+  EXPECT_EQ(NextOf(snapshot, results, true).kind, NextStep::Kind::kChecking);
+  results[1].title = "localize/run1", results[1].state = "running";
+  EXPECT_EQ(NextOf(snapshot, results, true).kind, NextStep::Kind::kRunning);
+  EXPECT_EQ(NextOf(snapshot, results, true).title, "localize/run1");
+  auto* next = Child<QPushButton>(window_.get(), "overview.next");
+  ASSERT_TRUE(WaitFor([&] { return next->isVisible(); }));
+  window_->workspace()->SetState("localize/run1", "running");
+  EXPECT_EQ(Child<QLabel>(window_.get(), "overview.next_text")->text(), "Running: localize/run1");
+  EXPECT_FALSE(next->isVisible());
+}
+
+TEST_F(OverviewTest, AReloadKeepsThePlaceAndTheKeyboard) {
+  window_->resize(1024, 420);
+  auto* bar = Child<QScrollArea>(window_.get(), "overview.scroll")->verticalScrollBar();
+  ASSERT_TRUE(WaitFor([&] { return bar->maximum() > 20; }));
+  Matrix()->setFocus();
+  Matrix()->setCurrentCell(1, 0);
+  bar->setValue(bar->maximum() - 5);
+  const int before = bar->value();
+  QSignalSpy loaded(window_->overview(), &OverviewDesk::Loaded);
+  window_->workspace()->Reload();
+  ASSERT_TRUE(WaitFor([&] { return loaded.count() >= 1; }));
+  EXPECT_TRUE(WaitFor([&] { return std::abs(bar->value() - before) < 3; }, 3000)) << bar->value() << " " << before;
+  EXPECT_TRUE(Matrix()->hasFocus());
+  EXPECT_EQ(Matrix()->currentRow(), 1);
+}
+
+TEST_F(OverviewTest, RecentProjectsThatAreGoneAreNotListed) {
+  const QString gone = "/nonexistent/site";
+  QSettings().setValue("recent", QStringList{gone, site_->path()});
+  EXPECT_EQ(window_->RecentProjects(), QStringList(site_->path()));
+  window_->workspace()->Close();
+  EXPECT_THAT(Words(), HasSubstr(site_->path().toStdString()));
+  EXPECT_THAT(Words(), Not(HasSubstr(gone.toStdString())));
 }
 
 TEST_F(OverviewTest, AClickMakesTheSceneLookThereWithoutChangingTheDesk) {
@@ -222,6 +301,49 @@ TEST(NextStepTest, AfterAFailureAndWhenNothingIsLeft) {
   EXPECT_EQ(report.count(), 1);
 }
 
+TEST(NextStepTest, NumbersOfEarlierResultsAreSaidToBe) {
+  QSettings().clear();
+  const QTemporaryDir site;
+  const std::filesystem::path dir = site.path().toStdString();
+  WriteResultsSite(dir, {});
+  std::filesystem::remove_all(dir / "results");
+  WriteFileAtomically(dir / "trigpoint.yaml", "name: stale\n");
+  PretendResults(dir, "");
+  const auto window = OpenWindow(site.path());
+  const auto words = [&] {
+    QString all;
+    for (const auto* label : window->overview()->findChildren<QLabel*>()) all += label->text() + "\n";
+    return all;
+  };
+  const auto* text = Child<QLabel>(window.get(), "overview.next_text");
+  ASSERT_TRUE(WaitFor([&] { return text->text() == "Every result is up to date."; })) << text->text().toStdString();
+  EXPECT_FALSE(words().contains("belong to earlier results"));
+  window->decisions()->Decide("exclude", "tag:1", "was moved");
+  EXPECT_TRUE(WaitFor([&] { return words().contains("its numbers belong to earlier results"); }, 20000))
+      << words().toStdString();
+}
+
+TEST(NextStepTest, WhatADecisionReplacedIsKept) {
+  const QTemporaryDir site;
+  const std::filesystem::path dir = site.path().toStdString();
+  WriteResultsSite(dir, {});
+  std::filesystem::remove_all(dir / "results");
+  WriteFileAtomically(dir / "trigpoint.yaml", "name: kept\n");
+  PretendResults(dir, "");
+  const auto decide = [&](const char* action, const char* object) {
+    ReviewRequest request;
+    request.action = action, request.object = object, request.reason = "a test", request.user = "anna";
+    AppendReview(Project::Open(dir), request);
+  };
+  const JobQuery query = ReviewQuery("");
+  EXPECT_TRUE(AreKept(*OpenSnapshot(dir), query));
+  decide("exclude", "tag:1");
+  EXPECT_FALSE(AreKept(*OpenSnapshot(dir), query));
+  PretendResults(dir, "");
+  decide("undo", "last");
+  EXPECT_TRUE(AreKept(*OpenSnapshot(dir), query));
+}
+
 // Two runs past the same four stations; the second has a refusal and a panorama that it doesn't match.
 class TwoRunsTest : public testing::Test {
  protected:
@@ -288,6 +410,58 @@ TEST_F(TwoRunsTest, HaveAColumnEachAndARefusalSaysWhy) {
   EXPECT_EQ(Matrix()->item(2, 1)->text(), "no match\nno matches");
   EXPECT_EQ(Matrix()->item(3, 1), nullptr);
   Screenshot(window_.get(), "overview_two_runs");
+}
+
+// More answers are compared with the tag map, but those share evidence with it.
+TEST_F(TwoRunsTest, MatrixSceneAndPlanAreOfOneComparison) {
+  const std::filesystem::path dir = site_.path().toStdString(), file = dir / "results/evaluate/errors.csv";
+  std::istringstream lines(ReadTextFile(file));
+  std::string table;
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with("#")) line += line.starts_with("run,") ? ",shares_evidence" : ",no";
+    table += line + "\n";
+  }
+  for (const char* run : {"run1", "run2"}) {
+    for (const char* station : {"0", "1", "2", "3"}) {
+      table += std::string(run) + ",,single,S" + station + ",panoramas/p00" + station + ".jpg," + station +
+               ",survey,absolute,localized,,0.7,0.7,0,0.7,0,0,,0.05,0.05,0.08,1,3,yes\n";
+    }
+  }
+  WriteFileAtomically(file, table);
+  const SceneModel scene = LoadScene(Project::Open(dir));
+  EXPECT_EQ(scene.comparison, "absolute, against surveyed control");
+  ASSERT_EQ(scene.errors.size(), 5U);  // four of run1, one of run2: the others have no answer that is compared
+  for (const SceneError& e : scene.errors) EXPECT_EQ(e.reference, "control") << e.run << " " << e.station;
+  Open();
+  const Overview& overview = *window_->overview()->overview();
+  EXPECT_EQ(overview.comparison, scene.comparison);
+  EXPECT_THAT(overview.plan_caption, HasSubstr("absolute, against surveyed control"));
+  for (const SceneError& e : scene.errors) {
+    const auto same = std::find_if(overview.matrix.begin(), overview.matrix.end(),
+                                   [&](const ErrorRecord& of) { return of.run == e.run && of.panorama == e.panorama; });
+    ASSERT_NE(same, overview.matrix.end());
+    EXPECT_NEAR(*same->error_3d_m, e.difference.norm(), 1e-6) << e.run << " " << e.station;
+  }
+}
+
+TEST_F(TwoRunsTest, WithoutAReferenceTheAnswersAreShown) {
+  std::filesystem::remove_all((site_.path() + "/results/evaluate").toStdString());
+  Open();
+  ASSERT_EQ(Matrix()->rowCount(), 4);
+  ASSERT_EQ(Matrix()->columnCount(), 2);
+  EXPECT_EQ(Matrix()->verticalHeaderItem(2)->text(), "panoramas/p002.jpg");
+  EXPECT_EQ(Matrix()->item(2, 1)->text(), QString::fromUtf8("located\n\xcf\x83 0.080"));
+  QTest::mouseClick(Matrix()->viewport(), Qt::LeftButton, {}, Matrix()->visualItemRect(Matrix()->item(2, 0)).center());
+  EXPECT_EQ(window_->workspace()->selected(), "panorama:panoramas/p002.jpg");
+  window_->workspace()->Select("station:S1");
+  EXPECT_EQ(Matrix()->currentRow(), 1);
+  ASSERT_EQ(Card()->rowCount(), 2);
+  EXPECT_THAT(Card()->item(0, 1)->text().toStdString(), HasSubstr("located, \xcf\x83 0.080 m"));
+  EXPECT_THAT(Child<QLabel>(window_.get(), "card.note")->text().toStdString(), HasSubstr("not compared yet"));
+  QString all;
+  for (const auto* label : window_->overview()->findChildren<QLabel*>()) all += label->text() + "\n";
+  EXPECT_FALSE(all.contains("Provenance"));
+  EXPECT_FALSE(all.contains("not georeferenced: \n")) << all.toStdString();
 }
 
 TEST_F(TwoRunsTest, TheCardListsBothAndTheViewsOnRequest) {

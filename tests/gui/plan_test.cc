@@ -1,16 +1,23 @@
 // The desk on which a survey is drawn before the trip.
 #include <gmock/gmock.h>
 
+#include <QAction>
+#include <QDoubleSpinBox>
 #include <QLabel>
+#include <QMenu>
 #include <QMessageBox>
 #include <QPushButton>
+#include <QSignalSpy>
 #include <QTableWidget>
 #include <algorithm>
 #include <filesystem>
 
+#include "app/desktop/decisions.h"
+#include "app/desktop/images_desk.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/plan_desk.h"
 #include "datasets/io/site_sketch.h"
+#include "datasets/io/text.h"
 #include "tests/gui/gui_driver.h"
 
 namespace trigpoint {
@@ -170,6 +177,76 @@ TEST_F(PlanDeskTest, AnUnsavedSketchIsNotLostWithoutAQuestion) {
   EXPECT_TRUE(WaitFor([&] { return !window_->isVisible(); }));
   EXPECT_EQ(ReadSiteSketch(other.filePath("plan.csv").toStdString()).size(), 1U);
   EXPECT_FALSE(fs::exists(Path("plan.csv").toStdString()));
+}
+
+TEST_F(PlanDeskTest, UndoIsOfTheDeskInFront) {
+  QSignalSpy decided(window_->decisions(), &Decisions::Decided);
+  window_->decisions()->Decide("exclude", "station:S1", "was moved");
+  ASSERT_TRUE(WaitFor([&] { return decided.count() == 1; }));
+  const std::string review = ReadTextFile(Path("review.jsonl").toStdString());
+  auto* undo = Child<QAction>(window_.get(), "edit.undo");
+  auto* redo = Child<QAction>(window_.get(), "edit.redo");
+  EXPECT_FALSE(undo->isEnabled());
+  Tool("station");
+  ClickAt(3, 3);
+  ASSERT_EQ(Count("station"), 1U);
+  EXPECT_EQ(undo->text().remove('&'), "Undo: draw station S1");
+  desk_->map()->setFocus();
+  QTest::keyClick(desk_->map(), Qt::Key_Z, Qt::ControlModifier);
+  EXPECT_EQ(Count("station"), 0U);
+  EXPECT_FALSE(undo->isEnabled());
+  EXPECT_EQ(redo->text().remove('&'), "Redo: draw station S1");
+  QTest::keyClick(desk_->map(), Qt::Key_Z, Qt::ControlModifier | Qt::ShiftModifier);
+  EXPECT_EQ(Count("station"), 1U);
+  Click(window_.get(), "plan.undo");
+  EXPECT_EQ(Count("station"), 0U);
+  Click(window_.get(), "plan.redo");
+  EXPECT_EQ(Count("station"), 1U);
+  window_->ShowDesk("images");  // marks are not undone; no decision is taken for them
+  EXPECT_FALSE(undo->isEnabled());
+  QTest::keyClick(window_->images()->left(), Qt::Key_Z, Qt::ControlModifier);
+  QTest::qWait(200);
+  EXPECT_EQ(decided.count(), 1);
+  EXPECT_EQ(ReadTextFile(Path("review.jsonl").toStdString()), review);
+  window_->ShowDesk("tables");
+  EXPECT_EQ(undo->text().remove('&'), "Undo: exclude station:S1");
+  QFile::remove(Path("review.jsonl"));
+}
+
+TEST_F(PlanDeskTest, ItemsAreSelectedEverywhere) {
+  Tool("tag");
+  for (const double east : {-5.0, 5.0}) {
+    ClickAt(east, 3);
+    ClickAt(east, 0);
+  }
+  Tool("select");
+  auto* items = Child<QTableWidget>(window_.get(), "plan.items");
+  ASSERT_EQ(items->rowCount(), 2);
+  const int first = desk_->sketch().items()[0].tag_id, second = desk_->sketch().items()[1].tag_id;
+  ClickRow(items, 1);
+  EXPECT_EQ(window_->workspace()->selected(), QString("tag:%1").arg(second));
+  window_->workspace()->Select(QString("station:S%1").arg(first));  // to which the tag belongs
+  ASSERT_EQ(items->selectedItems().size(), items->columnCount());
+  EXPECT_EQ(items->selectedItems().front()->row(), 0);
+  window_->workspace()->Select("");
+  EXPECT_TRUE(items->selectedItems().isEmpty());
+  emit desk_->map()->MenuAsked("sketch:1", QPoint(10, 10));
+  auto* menu = Child<QMenu>(window_.get(), "object.menu");
+  ASSERT_NE(menu, nullptr);
+  menu->close();
+  EXPECT_EQ(window_->workspace()->selected(), QString("tag:%1").arg(second));
+}
+
+TEST_F(PlanDeskTest, ThePlanIsInTheUnitShown) {
+  const auto* height = Child<QDoubleSpinBox>(window_.get(), "plan.height");
+  EXPECT_EQ(height->text(), "up 1.50 m");
+  const QImage metres = desk_->map()->image();
+  window_->workspace()->SetUnit("ft");
+  EXPECT_EQ(height->text(), "up 4.92 ft");
+  EXPECT_NE(desk_->map()->image(), metres);  // another grid
+  Tool("station");
+  ClickAt(3, 3);
+  EXPECT_NEAR(desk_->sketch().items().back().local_m->z(), 1.5, 0.002);
 }
 
 TEST_F(PlanDeskTest, ColumnsSayWhatTheyMean) {

@@ -19,10 +19,12 @@
 #include "app/desktop/charts_desk.h"
 #include "app/desktop/decisions.h"
 #include "app/desktop/images_desk.h"
+#include "app/desktop/overview.h"
 #include "app/desktop/overview_desk.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/plan_desk.h"
 #include "app/desktop/station_card.h"
+#include "datasets/io/text.h"
 #include "eval/text/method_name.h"
 #include "tests/gui/gui_driver.h"
 
@@ -42,6 +44,7 @@ class RandomSession : public testing::Test {
       ResultsSiteSize size;
       size.images = 48, size.panoramas = 12;
       WriteResultsSite(site_.path().toStdString(), size);
+      WriteTwoComparisons();
     } else {
       std::filesystem::copy(results.toStdString(), site_.path().toStdString(),
                             std::filesystem::copy_options::recursive);
@@ -55,6 +58,21 @@ class RandomSession : public testing::Test {
     ASSERT_TRUE(WaitFor([&] { return view_->model()->rowCount() > 0; }));
     ASSERT_TRUE(WaitFor([&] { return window_->overview()->overview() != nullptr; }));
     MakeActions();
+  }
+  // Beside the errors against control those of three panoramas against the tag map: the first are shown everywhere.
+  void WriteTwoComparisons() {
+    const std::filesystem::path out = site_.path().toStdString() + "/results/evaluate";
+    std::string errors = ReadTextFile(out / "errors.csv");
+    for (const char* panorama : {"000", "001", "002"}) {
+      errors += std::string("run1,,single,S") + panorama[2] + ",panoramas/p" + panorama + ".jpg," + panorama[2] +
+                ",survey,absolute,localized,,0.5,0.5,0,0.5,0,0,,0.05,0.05,0.08,1,3\n";
+    }
+    WriteFileAtomically(out / "errors.csv", errors);
+    const char* group = R"({"variant": "", "method": "single", "reference": "%1", "kind": "absolute",
+      "shares_evidence": false, "answers": %2, "attempts": %2, "error_3d": {"over_answers": {"median_m": 0.1}}})";
+    const QString groups = QString(group).arg("survey").arg(3) + ", " + QString(group).arg("control").arg(12);
+    WriteFileAtomically(out / "summary.json",
+                        R"({"schema": "trigpoint evaluate 1", "groups": [)" + groups.toStdString() + "]}");
   }
   int Draw(int below) { return below <= 0 ? 0 : static_cast<int>(random_() % static_cast<unsigned>(below)); }
   QString AnyStation() {
@@ -83,6 +101,7 @@ class RandomSession : public testing::Test {
   std::map<Answer, double> InTable(const QString& object) const;
   void CheckMarked();
   void CheckNumbers();
+  void CheckMatrix(const QString& object);
 
   QTemporaryDir site_;
   std::unique_ptr<MainWindow> window_;
@@ -176,7 +195,7 @@ std::map<RandomSession::Answer, double> RandomSession::OnCard() const {
   const auto* table = Child<QTableWidget>(window_.get(), "card.table");
   QString group;
   for (int row = 0; row < table->rowCount(); ++row) {
-    if (table->columnSpan(row, 0) > 1) group = table->item(row, 0)->text();
+    if (table->columnSpan(row, 0) > 1) group = table->item(row, 0)->toolTip();
     if (table->columnSpan(row, 0) > 1 || table->columnSpan(row, 1) > 1) continue;  // a title, or not answered
     const QTableWidgetItem* run = table->item(row, 0);
     const bool first =
@@ -251,6 +270,25 @@ void RandomSession::CheckNumbers() {
     }
     EXPECT_EQ(found, 1) << error.run << against.toStdString() << ": of the scene, on the card";
     ++in_scene_;
+  }
+  CheckMatrix(object);
+}
+
+// What the scene draws at an object are the errors of the overview's matrix.
+void RandomSession::CheckMatrix(const QString& object) {
+  const std::vector<SceneError> drawn = window_->scene()->ErrorsAt(object);
+  if (drawn.empty()) return;
+  std::map<std::pair<std::string, std::string>, double> matrix;
+  for (const ErrorRecord& e : window_->overview()->overview()->matrix) {
+    const std::string name = object.section(':', 1).toStdString();
+    if (e.Answered() && (object.startsWith("station:") ? e.station : e.panorama) == name)
+      matrix[{e.run, e.panorama}] = *e.error_3d_m;
+  }
+  EXPECT_EQ(drawn.size(), matrix.size());
+  for (const SceneError& error : drawn) {
+    const auto of_matrix = matrix.find({error.run, error.panorama});
+    ASSERT_NE(of_matrix, matrix.end()) << error.run << " " << error.panorama;
+    EXPECT_NEAR(error.difference.norm(), of_matrix->second, 1e-4) << error.run << " " << error.panorama;
   }
 }
 

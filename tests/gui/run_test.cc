@@ -6,13 +6,16 @@
 #include <QLabel>
 #include <QMenuBar>
 #include <QMessageBox>
+#include <QPlainTextEdit>
 #include <QSignalSpy>
 #include <QSpinBox>
 #include <QTabWidget>
 #include <QTableWidget>
+#include <QTranslator>
 
 #include "app/desktop/review_desk.h"
 #include "app/desktop/run_desk.h"
+#include "app/desktop/snapshot.h"
 #include "app/desktop/stage_graph.h"
 #include "datasets/io/text.h"
 #include "tests/gui/gui_driver.h"
@@ -165,6 +168,80 @@ TEST_F(RunTest, AJobIsOfTheProjectThatItWasStartedIn) {
   EXPECT_THAT(Text("progress").toStdString(), HasSubstr(first + ": features/run1: reading, 50 %"));
   EXPECT_EQ(StateOf("features/run1"), "missing");
   EXPECT_EQ(Box("features")->state, "missing");
+}
+
+TEST_F(RunTest, AnEndIsOfTheProjectThatItWasStartedIn) {
+  ReadLongResult();
+  Said("detect", true);
+  const QTemporaryDir other;
+  WriteResultsSite(other.path().toStdString(), {});
+  window_->OpenProject(other.path());
+  ASSERT_TRUE(WaitFor([&] { return window_->workspace()->dir() == other.path(); }));
+  emit window_->jobs()->JobEnded("detect/run1", "failed", "no image can be read");
+  emit window_->jobs()->Finished(JobController::End::kFailed, "no image can be read");
+  const std::string whose = "Project " + QDir(site_->path()).dirName().toStdString() + ": ";
+  EXPECT_THAT(window_->problem()->sentence().toStdString(), testing::StartsWith(whose));
+  EXPECT_THAT(Text("run.status").toStdString(), testing::StartsWith(whose));
+  EXPECT_THAT(Child<QPlainTextEdit>(window_.get(), "run.log")->toPlainText().toStdString(),
+              HasSubstr(whose + "detect/run1: failed: no image"));
+  ASSERT_TRUE(WaitFor([&] { return !window_->workspace()->opening(); }));
+}
+
+TEST_F(RunTest, OneIsAskedBeforeAnotherSeedMakesAllAnew) {
+  WriteFileAtomically(Path("results/detect/run1/manifest.json").toStdString(),
+                      R"({"schema": 1, "stage": "detect", "name": "run1", "identity": "of other inputs", "seed": 1,
+                          "wall_seconds": 3600.0, "metrics": {"detections": 8}})");
+  window_->workspace()->Reload();
+  ASSERT_TRUE(WaitFor([&] { return StateOf("detect/run1") == "out of date"; }));
+  window_->workspace()->SetState("detect/run1", "done");
+  window_->run_desk()->Choose("detect", "");
+  JobQuery query;
+  query.stages = {"detect"};
+  const auto again = [&](uint64_t seed) {
+    return ExpectedTimeOf(*window_->workspace()->snapshot(), window_->workspace()->results(), query, seed).again;
+  };
+  EXPECT_EQ(again(1), 0);
+  EXPECT_EQ(again(7), 1);
+  EXPECT_FALSE(Child<QLabel>(window_.get(), "run.expected")->isVisible());
+  Child<QSpinBox>(window_.get(), "run.seed")->setValue(7);
+  EXPECT_THAT(Text("run.expected").toStdString(), HasSubstr("1:00:00"));
+  Click(window_.get(), "run.run");
+  Answer(QMessageBox::No);
+  EXPECT_FALSE(window_->jobs()->running());
+}
+
+TEST_F(RunTest, EditsOfAStageOutlastAnother) {
+  window_->run_desk()->Choose("detect", "");
+  Type(window_.get(), "option.min_margin", "40.5");
+  window_->run_desk()->Choose("localize", "");
+  EXPECT_THAT(Child<QLineEdit>(window_.get(), "run.command")->text().toStdString(), Not(HasSubstr("min_margin")));
+  window_->run_desk()->Choose("detect", "");
+  EXPECT_EQ(Child<QLineEdit>(window_.get(), "option.min_margin")->text(), "40.5");
+  EXPECT_THAT(Child<QLineEdit>(window_.get(), "run.command")->text().toStdString(), HasSubstr("--set min_margin=40.5"));
+}
+
+TEST_F(RunTest, StatesAreInTheLanguageOfTheTree) {
+  class Translator : public QTranslator {
+   public:
+    QString translate(const char* context, const char* text, const char*, int) const override {
+      return QString(context) == "trigpoint::SiteTree" && QString(text) == "missing" ? "fehlt" : QString();
+    }
+    bool isEmpty() const override { return false; }
+  } translator;
+  QApplication::installTranslator(&translator);
+  window_->workspace()->Reload();
+  EXPECT_TRUE(WaitFor([&] { return StateOf("features/run1") == "fehlt"; }, 20000)) << StateOf("features/run1");
+  EXPECT_THAT(graph_->accessibleDescription().toStdString(), HasSubstr("fehlt"));
+  QApplication::removeTranslator(&translator);
+}
+
+TEST_F(RunTest, ControlsAndColumnsSayWhatTheyMean) {
+  for (const char* name : {"run.stage", "run.threads", "run.seed", "run.runs"}) {
+    EXPECT_FALSE(Child<QWidget>(window_.get(), name)->toolTip().isEmpty()) << name;
+  }
+  for (int c = 0; c < results_->columnCount(); ++c) {
+    EXPECT_FALSE(results_->horizontalHeaderItem(c)->toolTip().isEmpty()) << c;
+  }
 }
 
 TEST_F(RunTest, TheGraphShowsMetricsAndFitsItsWindow) {

@@ -248,6 +248,15 @@ TEST_F(SelectionTest, ManyResultsStayFolded) {
   EXPECT_TRUE(refresh()->isExpanded());
 }
 
+TEST_F(SelectionTest, AControlPointAtATagsCornerBelongsToItsStation) {
+  Snapshot snapshot;
+  snapshot.stations = {{"S57", 57}};
+  snapshot.controls = {{"control:57/2", "57/2", "control", 57}, {"control:58", "58", "check", 58}};
+  for (const char* object : {"station:S57", "tag:57", "control:57/2"}) {
+    EXPECT_EQ(snapshot.Related(object), (std::set<std::string>{"control:57/2", "station:S57", "tag:57"})) << object;
+  }
+}
+
 TEST_F(SelectionTest, UndoOfDecisionsIsApartFromThatOfText) {
   window_->ShowDesk("review");
   QSignalSpy decided(window_->decisions(), &Decisions::Decided);
