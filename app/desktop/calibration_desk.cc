@@ -13,6 +13,7 @@
 
 #include "app/desktop/background.h"
 #include "app/desktop/calibration_sheet.h"
+#include "app/desktop/fitted_box.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
@@ -53,10 +54,10 @@ QImage CoveragePicture(const CalibrationCamera& camera) {
 }  // namespace
 
 CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  name_ = new QComboBox;
+  name_ = new FittedBox(tr("Calibration that is shown"));
   name_->setObjectName("calibration.name");
   name_->setAccessibleName(tr("Calibration"));
-  camera_ = new QComboBox;
+  camera_ = new FittedBox(tr("Camera of the calibration"));
   camera_->setObjectName("calibration.camera");
   camera_->setAccessibleName(tr("Camera"));
   text_ = new QLabel;
@@ -117,6 +118,7 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   });
   connect(workspace_, &Workspace::Opened, this, &CalibrationDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &CalibrationDesk::Refresh);
+  ShowCamera();
 }
 
 void CalibrationDesk::Refresh() {
@@ -167,11 +169,13 @@ void CalibrationDesk::ShowCamera() {
   next_->clear();
   const auto index = static_cast<size_t>(std::max(0, camera_->currentIndex()));
   if (!view_ || index >= view_->cameras.size()) {
-    for (PictureView* picture : {residuals_, coverage_, map_}) {
-      picture->SetPicture({}, "");
-      picture->SetMarks({});
-    }
-    QString text = tr("No calibration yet: press Calibrate, and give the pictures of a board and the board's target.");
+    coverage_->SetPicture({}, tr("Which parts of the image have points is drawn here."));
+    residuals_->SetPicture({}, tr("The residuals over the image are drawn here."));
+    map_->SetPicture({}, tr("The uncertainty over the image is drawn here."));
+    for (PictureView* picture : {residuals_, coverage_, map_}) picture->SetMarks({});
+    QString text = workspace_->snapshot() ? tr("No calibration yet: press Calibrate, and give the pictures of a board "
+                                               "and the board's target.")
+                                          : tr("Open a project (Ctrl+O) to see its calibrations.");
     if (view_ && !view_->problems.empty()) text = QString::fromStdString(view_->problems.front());
     text_->setText(text);
     return;

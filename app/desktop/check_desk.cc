@@ -4,6 +4,7 @@
 #include <QHBoxLayout>
 #include <QLabel>
 #include <QPushButton>
+#include <QRegularExpression>
 #include <QResizeEvent>
 #include <QSplitter>
 #include <QTableWidget>
@@ -40,6 +41,30 @@ QColor ColourOfLight(Light light) {
                                   : QColor(192, 57, 43);
 }
 
+// Of runs, of photo sets, and panoramas.
+size_t PicturesOf(const Snapshot& snapshot) {
+  size_t pictures = snapshot.references.size();
+  for (const SnapshotRun& run : snapshot.runs) pictures += run.images.size();
+  for (const SnapshotReference& r : snapshot.references) pictures += r.kind == "photo set" ? r.files.size() : 0;
+  return pictures;
+}
+
+size_t PicturesOf(const CheckOutcome& outcome) {
+  size_t pictures = outcome.facts.site == nullptr ? 0 : outcome.facts.site->references.size();
+  for (const FieldSet& set : outcome.facts.sets) pictures += static_cast<size_t>(set.photos);
+  return pictures + static_cast<size_t>(outcome.pictures);
+}
+
+// An advice states its distances in whole metres.
+QString InUnit(const std::string& advice, const Workspace& workspace) {
+  static const QRegularExpression kMetres("(?<![\\d.])(\\d+) m\\b");
+  QString text = Text(advice);
+  for (auto match = kMetres.match(text); workspace.unit() != "m" && match.hasMatch(); match = kMetres.match(text)) {
+    text.replace(match.capturedStart(), match.capturedLength(), workspace.Length(match.captured(1).toDouble(), 0));
+  }
+  return text;
+}
+
 void AddRow(QTableWidget* table, const QStringList& cells, const QColor& first, const QString& object = "") {
   const int row = table->rowCount();
   table->insertRow(row);
@@ -73,7 +98,7 @@ CheckDesk::CheckDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), w
   });
   connect(map_, &PictureView::MenuAsked, workspace_, &Workspace::AskMenu);
   LinkTable(tags_, workspace_);
-  connect(workspace_, &Workspace::Selected, map_, &PictureView::SetHighlight);
+  connect(workspace_, &Workspace::Selected, map_, [this] { HighlightSelected(map_, *workspace_); });
   connect(workspace_, &Workspace::UnitChanged, this, &CheckDesk::Show);
   connect(workspace_, &Workspace::Replaced, this, [this] {  // another folder: its pictures are not watched any more
     Stop();
@@ -124,6 +149,10 @@ void CheckDesk::MakeWidgets() {
                          tr("predicted, 1 sigma"),
                          tr("what the tag is needed for")};
   SetHeaderHelp(tags_, help);
+  SetHeaderHelp(next_, {tr("what helps most comes first"), tr("what is missing, or what it improves")});
+  SetHeaderHelp(findings_, {tr("red: the recordings do not suffice yet; amber: look at it before you leave; green: no "
+                               "problem found"),
+                            tr("what was looked at"), tr("what was found")});
   map_ = new PictureView;
   map_->setObjectName("check.map");
   map_->setAccessibleName(tr("Map of the check"));
@@ -168,6 +197,7 @@ void CheckDesk::changeEvent(QEvent* event) {
 
 void CheckDesk::Start(bool watch) {
   if (thread_ != nullptr || !workspace_->snapshot()) return;
+  known_ = PicturesOf(*workspace_->snapshot());
   work_ = std::make_shared<PolledProgress>();
   const auto error = std::make_shared<QString>();
   thread_ = QThread::create([this, dir = workspace_->snapshot()->dir, watch, work = work_, error] {
@@ -175,10 +205,7 @@ void CheckDesk::Start(bool watch) {
       QMetaObject::invokeMethod(
           this,
           [this, work, outcome = std::make_shared<const CheckOutcome>(judged)] {
-            if (work != work_ || work->cancel.IsCancelled()) return;  // of a folder that was closed meanwhile
-            outcome_ = outcome;
-            Show();
-            emit Judged();
+            if (work == work_ && !work->cancel.IsCancelled()) Take(outcome);  // else of a folder that was closed
           },
           Qt::QueuedConnection);
     };
@@ -207,6 +234,16 @@ void CheckDesk::Start(bool watch) {
   timer_->start();
   thread_->start(QThread::LowPriority);
   ShowButtons();
+}
+
+void CheckDesk::Take(std::shared_ptr<const CheckOutcome> outcome) {
+  outcome_ = std::move(outcome);
+  Show();
+  emit Judged();
+  if (const size_t found = PicturesOf(*outcome_); found != known_) {
+    known_ = found;
+    workspace_->Reload();
+  }
 }
 
 void CheckDesk::Stop() {
@@ -247,7 +284,9 @@ void CheckDesk::Show() {
   headline_->setText(Text(CheckHeadline(*outcome_)));
   headline_->setStyleSheet(
       QString("color: %1;").arg(ReadableOn(palette().color(QPalette::Window), ColourOfLight(outcome_->light)).name()));
-  for (const Advice& advice : outcome_->advice) AddRow(next_, {Text(advice.what), Text(advice.why)}, QColor());
+  for (const Advice& advice : outcome_->advice) {
+    AddRow(next_, {InUnit(advice.what, *workspace_), InUnit(advice.why, *workspace_)}, QColor());
+  }
   if (outcome_->advice.empty()) {
     AddRow(next_, {Text(NothingNext(outcome_->facts, outcome_->light == Light::kGreen)), ""}, QColor());
   }
@@ -258,13 +297,14 @@ void CheckDesk::Show() {
   next_->setColumnWidth(0, next_->viewport()->width() / 2);
   for (int c = 0; c < 2; ++c) findings_->resizeColumnToContents(c);
   for (QTableWidget* table : {next_, findings_}) table->resizeRowsToContents();
-  if (const auto map = CheckMap(*outcome_)) {
+  if (const auto map = CheckMap(*outcome_, {workspace_->unit().toStdString(), workspace_->metres_per_unit()})) {
     ShowDrawing(map_, PaintDrawing(*map, kMapScale), tr("tags, the way so far, where to stand next"));
   } else {
     map_->SetMarks({});
     map_->SetPicture({}, outcome_->facts.map_problem.empty() ? tr("No map yet: too few tags were seen.")
                                                              : Text(outcome_->facts.map_problem));
   }
+  HighlightSelected(map_, *workspace_);
   ShowTags();
 }
 

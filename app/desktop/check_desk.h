@@ -46,6 +46,7 @@ class CheckDesk : public QWidget {
  private:
   void MakeWidgets();
   void Show();
+  void Take(std::shared_ptr<const CheckOutcome> outcome);  // and have the others read what is new
   void ShowTags();
   void ShowButtons();
   void OpenPage();
@@ -60,6 +61,7 @@ class CheckDesk : public QWidget {
   QThread* thread_ = nullptr;
   std::shared_ptr<PolledProgress> work_;
   std::shared_ptr<const CheckOutcome> outcome_;
+  size_t known_ = 0;  // pictures that the other desks know of, or were told to look for
 };
 
 }  // namespace trigpoint

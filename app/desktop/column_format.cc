@@ -8,6 +8,8 @@ namespace trigpoint {
 ColumnFormat FormatOf(const QString& column, bool numeric) {
   static const QSet<QString> kLengths = {"x", "y", "z", "odom_x", "odom_y", "odom_z", "tx", "ty", "tz"};
   static const QSet<QString> kRotations = {"qx", "qy", "qz", "qw", "odom_qx", "odom_qy", "odom_qz", "odom_qw"};
+  static const QSet<QString> kPixels = {"u",  "v",  "u0", "v0",      "u1",      "v1",     "u2",
+                                        "v2", "u3", "v3", "u_image", "v_image", "u_view", "v_view"};
   // Endings of names, their units, and what is worth showing of them.
   static const struct {
     const char* end;
@@ -25,6 +27,8 @@ ColumnFormat FormatOf(const QString& column, bool numeric) {
     format.decimals = decimals;
   }
   if (kLengths.contains(column)) format.unit = "m", format.decimals = 4;
+  if (kPixels.contains(column)) format.unit = "px", format.decimals = 3;
+  if (column == "timestamp") format.unit = "s", format.decimals = 3;
   if (kRotations.contains(column)) format.decimals = 6;
   if (column == "latitude_deg" || column == "longitude_deg") format.decimals = 8;  // a millimetre
   if (column == "nees" || column == "nees_h" || column == "nees_v") format.decimals = 2;

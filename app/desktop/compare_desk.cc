@@ -1,5 +1,6 @@
 #include "app/desktop/compare_desk.h"
 
+#include <QCheckBox>
 #include <QComboBox>
 #include <QFileDialog>
 #include <QFontDatabase>
@@ -13,10 +14,12 @@
 #include <QVBoxLayout>
 
 #include "app/desktop/background.h"
+#include "app/desktop/fitted_box.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/number_item.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/scene_desk.h"
+#include "app/desktop/views_box.h"
 #include "app/pipeline/reviewed.h"
 #include "eval/errors/compare.h"
 #include "eval/release/compared.h"
@@ -67,12 +70,10 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   const char* names[] = {"a", "b"};
   for (int i = 0; i < 2; ++i) {
     Side& side = sides_[i];
-    side.result = new QComboBox;
+    side.result = new FittedBox(tr("Results of a variant, of a release, or of another project"));
     side.result->setObjectName(QString("compare.") + names[i]);
-    side.result->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
-    side.result->setMinimumContentsLength(14);  // whatever is opened later: "first results", "release 2026.1"
     side.result->setAccessibleName(i == 0 ? tr("First evaluation") : tr("Second evaluation"));
-    side.run = new QComboBox;
+    side.run = new FittedBox(tr("All runs, or the one whose answers are compared"));
     side.run->setObjectName(QString("compare.run_") + names[i]);
     side.run->setAccessibleName(i == 0 ? tr("Run of the first") : tr("Run of the second"));
     top->addWidget(new QLabel(i == 0 ? "A" : "B"));
@@ -83,7 +84,10 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   }
   auto* other = new QPushButton(tr("Other &project or release ..."));
   other->setObjectName("compare.other");
+  other->setToolTip(tr("A folder with another project, a release, or errors.csv: becomes B"));
   top->addWidget(other);
+  views_ = MakeViewsBox("compare.views");
+  top->addWidget(views_);
   errors_ = MakeTable("compare.errors", tr("Errors side by side"));
   differences_ = MakeTable("compare.differences", tr("What changed in inputs, options and version"));
   for (QTableWidget* table : {errors_, differences_}) {
@@ -127,6 +131,8 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   connect(workspace_, &Workspace::Opened, this, &CompareDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &CompareDesk::Refresh);
   connect(workspace_, &Workspace::UnitChanged, this, &CompareDesk::Compare);
+  connect(views_, &QCheckBox::toggled, this, &CompareDesk::Compare);
+  Compare();
 }
 
 bool CompareDesk::Add(const QString& folder) {
@@ -188,6 +194,7 @@ void CompareDesk::Compare() {
                    .toStdString();
     sides_[i].source = SceneSourceOf(written[i]);
   }
+  if (!workspace_->snapshot()) return Note(tr("Open a project (Ctrl+O) to compare its variants, runs and releases."));
   if (written[0].empty() || written[1].empty()) {
     return Note(tr("Nothing to compare yet: no evaluation is there. Run evaluate first."));
   }
@@ -202,7 +209,8 @@ void CompareDesk::Compare() {
   InBackground(
       this,
       [written_a = written[0], written_b = written[1], run_a = runs[0], run_b = runs[1], name_a = names[0],
-       name_b = names[1], unit = DisplayUnit{workspace_->unit().toStdString(), workspace_->metres_per_unit()}] {
+       name_b = names[1], unit = DisplayUnit{workspace_->unit().toStdString(), workspace_->metres_per_unit()},
+       views = views_->isChecked()] {
         trigpoint::Compared a = OpenCompared(written_a), b = OpenCompared(written_b);
         Comparison c;
         for (const std::string& line : a.notes) c.text += line + "\n";
@@ -211,8 +219,10 @@ void CompareDesk::Compare() {
         const bool rename = !run_a.empty() && !run_b.empty() && run_a != run_b;
         KeepRun(run_a.empty() ? run_b : run_a, rename, &a.rows);
         KeepRun(run_b.empty() ? run_a : run_b, rename, &b.rows);
-        ForgetVariant(&a.rows);
-        ForgetVariant(&b.rows);
+        for (std::vector<ErrorRow>* rows : {&a.rows, &b.rows}) {
+          ForgetVariant(rows);
+          if (!views) std::erase_if(*rows, [](const ErrorRow& row) { return row.method == "g1"; });
+        }
         c.text += PairedText(a.rows, b.rows, name_a, name_b, unit);
         // A panorama's answer is one, by whichever method.
         for (std::vector<ErrorRow>* rows : {&a.rows, &b.rows}) {
@@ -266,15 +276,15 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
                  tr("distance in space between the answer of B and the reference (%1)").arg(unit),
                  tr("error of B minus error of A: negative where B is better (%1)").arg(unit),
                  tr("standard deviation of the error in space, the larger one of A and B (%1)").arg(unit),
-                 tr("localized, refused, not matched or without reference: in A, then in B")});
+                 tr("localized, refused, no match or no reference: in A, then in B")});
   for (const ReviewedError& row : rows) {
     const int r = errors_->rowCount();
     errors_->insertRow(r);
     std::optional<double> difference;
     if (row.before_m && row.after_m) difference = *row.after_m - *row.before_m;
-    const QString status = QString::fromStdString(
-        row.status_before == row.status_after ? row.status_before : row.status_before + " / " + row.status_after);
-    const QStringList cells{QString::fromStdString(row.reference),
+    const std::string before = StatusName(row.status_before), after = StatusName(row.status_after);
+    const QString status = QString::fromStdString(before == after ? before : before + " / " + after);
+    const QStringList cells{QString::fromStdString(ReferenceName(row.reference)),
                             QString::fromStdString(row.method),
                             QString::fromStdString(row.run),
                             QString::fromStdString(row.station),

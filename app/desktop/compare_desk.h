@@ -8,6 +8,7 @@
 #include "app/desktop/workspace.h"
 #include "eval/scene/scene_model.h"
 
+class QCheckBox;
 class QComboBox;
 class QLabel;
 class QPlainTextEdit;
@@ -48,6 +49,7 @@ class CompareDesk : public QWidget {
   Workspace* workspace_;
   std::vector<std::filesystem::path> added_;
   Side sides_[2];
+  QCheckBox* views_;  // also the answers of single views
   QTabWidget* tabs_;
   QTableWidget *errors_, *differences_;
   QPlainTextEdit* text_;

@@ -21,7 +21,8 @@ struct DataTable {
 struct DataTableSource {
   std::string title;
   std::filesystem::path file;
-  std::string run;  // empty: of all runs
+  std::string run;  // empty: of all runs, or of none
+  std::string set;  // the photo set whose photos the rows are about; empty: none
 };
 
 // Every CSV table below results/, those people look at first in front.

@@ -13,6 +13,7 @@
 #include <cmath>
 
 #include "app/desktop/background.h"
+#include "app/desktop/fitted_box.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/inspector.h"
 #include "app/desktop/match_lines.h"
@@ -26,10 +27,11 @@ namespace {
 
 QPointF Point(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
 
-QCheckBox* LayerBox(const QString& text, const char* name, bool on) {
+QCheckBox* LayerBox(const QString& text, const char* name, bool on, const QString& help) {
   auto* box = new QCheckBox(text);
   box->setObjectName(name);
   box->setChecked(on);
+  box->setToolTip(help);
   return box;
 }
 
@@ -47,6 +49,9 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
     ShowImage();
     if (row >= 0) workspace_->Select("image:" + run() + "/" + image());
   });
+  // The entry that is marked already, while something else is selected.
+  connect(images_, &QListWidget::itemClicked, this,
+          [this](const QListWidgetItem* item) { workspace_->Select("image:" + run() + "/" + item->text()); });
   connect(slider_, &QSlider::valueChanged, images_, [this](int row) { images_->setCurrentRow(row); });
   connect(reference_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ImagesDesk::ShowReference);
   connect(view_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &ImagesDesk::ShowView);
@@ -69,7 +74,7 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
 }
 
 void ImagesDesk::MakeControls() {
-  run_ = new QComboBox;
+  run_ = new FittedBox(tr("Run whose images are listed"));
   run_->setObjectName("images.run");
   run_->setAccessibleName(tr("Run"));
   images_ = new QListWidget;
@@ -82,10 +87,8 @@ void ImagesDesk::MakeControls() {
   thumbnails_ = new Thumbnails(images_);
   slider_ = new QSlider(Qt::Horizontal);
   slider_->setAccessibleName(tr("Image by time"));
-  reference_ = new QComboBox;
+  reference_ = new FittedBox(tr("Panorama or photo that stands beside the image"));
   reference_->setObjectName("images.reference");
-  reference_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
-  reference_->setMinimumContentsLength(20);  // panoramas/pano_057.jpg
   reference_->setAccessibleName(tr("Panorama or photo"));
   view_ = new QComboBox;
   view_->setObjectName("images.view");
@@ -96,12 +99,17 @@ void ImagesDesk::MakeControls() {
   match_->setObjectName("images.match");
   match_->setToolTip(tr("Match the image with the panorama, and judge the matches by the solution"));
   // Reprojection errors are drawn ten times as long as they are.
-  detections_ = LayerBox(tr("detections"), "images.detections", true);
-  tracks_ = LayerBox(tr("tracks, errors x 10"), "images.tracks", true);
-  inliers_ = LayerBox(tr("inlier matches"), "images.inliers", true);
-  outliers_ = LayerBox(tr("outlier matches"), "images.outliers", false);
-  linked_ = LayerBox(tr("linked zoom"), "images.linked", false);
-  linked_->setToolTip(tr("Moves the other picture to the same place, by the inlier matches"));
+  detections_ = LayerBox(tr("detections"), "images.detections", true,
+                         tr("Outlines of the tags found in the image; gray: excluded by the review"));
+  tracks_ = LayerBox(tr("tracks, errors x 10"), "images.tracks", true,
+                     tr("Points of the solution where the image shows them, with their reprojection errors (px) drawn "
+                        "ten times as long"));
+  inliers_ = LayerBox(tr("inlier matches"), "images.inliers", true,
+                      tr("Matches with the panorama within 3 px of their epipolar lines"));
+  outliers_ = LayerBox(tr("outlier matches"), "images.outliers", false,
+                       tr("Matches with the panorama farther than 3 px from their epipolar lines"));
+  linked_ = LayerBox(tr("linked zoom"), "images.linked", false,
+                     tr("Moves the other picture to the same place, by the inlier matches"));
   next_ = new QPushButton(tr("&Next image of the tag"));
   next_->setObjectName("images.next");
   next_->setShortcut(QKeySequence(tr("Ctrl+N")));
@@ -132,6 +140,8 @@ void ImagesDesk::MakeControls() {
   status_ = new QLabel;
   status_->setObjectName("images.status");
   status_->setWordWrap(true);
+  turn_ = new QLabel;
+  turn_->setObjectName("images.turn");
   place_ = new QLabel;
   place_->setMinimumWidth(150);
   left_ = new PictureView;
@@ -151,7 +161,11 @@ void ImagesDesk::Arrange() {
   panes_ = new QSplitter;
   panes_->addWidget(left_);
   panes_->addWidget(right_);
-  lines_ = new MatchLines(left_, right_, panes_);
+  auto* pictures = new QWidget;  // the splitter itself would take the lines for a third pane
+  auto* around = new QVBoxLayout(pictures);
+  around->setContentsMargins(0, 0, 0, 0);
+  around->addWidget(panes_);
+  lines_ = new MatchLines(left_, right_, pictures);
   auto* middle = new QWidget;
   auto* rows = new QVBoxLayout(middle);
   rows->setContentsMargins(0, 0, 0, 0);
@@ -161,7 +175,7 @@ void ImagesDesk::Arrange() {
     top->addWidget(w);
   }
   rows->addLayout(top);
-  rows->addWidget(panes_, 1);
+  rows->addWidget(pictures, 1);
   rows->addWidget(slider_);
   auto* bottom = new FlowLayout;
   for (QWidget* w :
@@ -171,6 +185,7 @@ void ImagesDesk::Arrange() {
   rows->addLayout(bottom);
   auto* below = new QHBoxLayout;
   below->addWidget(status_, 1);
+  below->addWidget(turn_);
   below->addWidget(place_);
   rows->addLayout(below);
   auto* split = new QSplitter;
@@ -251,6 +266,7 @@ void ImagesDesk::PlacePanes() {
 
 void ImagesDesk::ShowSelected() {
   const QString object = workspace_->selected();
+  turn_->clear();
   for (PictureView* view : {left_, right_}) view->SetHighlight(Highlighted());
   const bool in_image = object.startsWith("detection:") || object.startsWith("image:");
   if (in_image) ShowObject(object);
@@ -322,8 +338,7 @@ void ImagesDesk::Clear() {
   wanted_.clear();
   mark_->setChecked(false);
   confirm_->setEnabled(false);
-  status_->clear();
-  place_->clear();
+  for (QLabel* label : {status_, turn_, place_}) label->clear();
   {
     const QSignalBlocker block(point_);
     point_->clearEditText();

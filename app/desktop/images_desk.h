@@ -101,6 +101,7 @@ class ImagesDesk : public QWidget {
   QComboBox* order_;  // of the images of a tag
   QCheckBox *detections_, *tracks_, *inliers_, *outliers_, *linked_;
   QLabel* status_;
+  QLabel* turn_;  // which of the images of a tag is shown
   QLabel* place_;
   PictureView* left_;
   PictureView* right_;

@@ -218,8 +218,8 @@ void ImagesDesk::NextImageOfTag() {
     tag_at_ = at % tag_images_.size();
     const TagImage& seen = tag_images_[tag_at_];
     workspace_->Select(QString::fromStdString("detection:" + seen.image + "#" + std::to_string(tag)));
-    place_->setText(tr("tag %1: %2 of %3").arg(tag).arg(tag_at_ + 1).arg(tag_images_.size()) +
-                    (seen.rms_px ? tr(", residual %1 px").arg(*seen.rms_px, 0, 'f', 2) : QString()));
+    turn_->setText(tr("tag %1: %2 of %3").arg(tag).arg(tag_at_ + 1).arg(tag_images_.size()) +
+                   (seen.rms_px ? tr(", residual %1 px").arg(*seen.rms_px, 0, 'f', 2) : QString()));
   };
   if (tag == tag_) return show(tag_at_ + 1);
   InBackground(

@@ -315,10 +315,9 @@ void OverviewDesk::Choose(const QString& object) {
 }
 
 QString OverviewDesk::StatusText(const std::string& status) {
-  return status == "no_reference" ? tr("no reference")
-         : status == "unmatched"  ? tr("no match")
-         : status == "rejected"   ? tr("refused")
-                                  : Text(status);
+  [[maybe_unused]] static const char* kWords[] = {QT_TR_NOOP("no reference"), QT_TR_NOOP("no match"), QT_TR_NOOP("refused"),
+                                                  QT_TR_NOOP("localized")};
+  return tr(StatusName(status).c_str());
 }
 
 QString OverviewDesk::Elided(const QString& reason) const {
@@ -359,7 +358,7 @@ QTableWidgetItem* OverviewDesk::MatrixItem(const ErrorRecord& e) const {
 
 QTableWidgetItem* OverviewDesk::AnswerItem(const OverviewAnswer& answer) const {
   const bool located = answer.status == "localized";
-  auto* item = new QTableWidgetItem(located ? tr("located") : StatusText(answer.status));
+  auto* item = new QTableWidgetItem(StatusText(answer.status));
   item->setData(Qt::UserRole + 1, Text("panorama:" + answer.panorama));
   item->setTextAlignment(Qt::AlignCenter);
   const QString sigma = answer.sigma_m ? SigmaText(*answer.sigma_m) : QString();

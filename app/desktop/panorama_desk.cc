@@ -12,6 +12,7 @@
 #include <cmath>
 
 #include "app/desktop/background.h"
+#include "app/desktop/fitted_box.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/photo_set_view.h"
 #include "app/desktop/picture_view.h"
@@ -67,7 +68,7 @@ std::vector<PictureMark> GraphMarks(const PhotoSetView& set) {
 }  // namespace
 
 PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  set_ = new QComboBox;
+  set_ = new FittedBox(tr("Panorama or photo set that is shown"));
   set_->setObjectName("panorama.set");
   set_->setAccessibleName(tr("Panorama or photo set"));
   auto* stitch = new QPushButton(tr("&Stitch ..."));
@@ -123,6 +124,7 @@ PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   connect(workspace_, &Workspace::Opened, this, &PanoramaDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &PanoramaDesk::Refresh);
   connect(workspace_, &Workspace::UnitChanged, this, &PanoramaDesk::ShowSet);
+  Clear();
 }
 
 void PanoramaDesk::Refresh() {
@@ -184,10 +186,12 @@ void PanoramaDesk::Clear() {
   ++generation_;
   photos_->setRowCount(0);
   graph_->SetMarks({});
-  graph_->SetPicture({}, "");
+  graph_->SetPicture({}, tr("Which photos of a set match is drawn here."));
   photo_->SetPicture({}, tr("Select a photo in the table."));
-  panorama_->SetPicture({},
-                        tr("No panorama yet: put pictures into panoramas/ or photos/, and read the project again."));
+  panorama_->SetPicture(
+      {}, workspace_->snapshot()
+              ? tr("No panorama yet: put pictures into panoramas/ or photos/, and read the project again.")
+              : tr("Open a project (Ctrl+O) to see its panoramas and photo sets."));
   text_->clear();
 }
 

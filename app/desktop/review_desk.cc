@@ -13,9 +13,11 @@
 #include <QVBoxLayout>
 
 #include "app/desktop/decisions.h"
+#include "app/desktop/fitted_box.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/run_desk.h"
+#include "app/desktop/views_box.h"
 #include "app/pipeline/reviewed.h"
 #include "eval/text/method_name.h"
 
@@ -40,10 +42,11 @@ void AddRow(QTableWidget* table, const QStringList& cells, const QString& object
 
 ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* decisions, QWidget* parent)
     : QWidget(parent), workspace_(workspace), jobs_(jobs), decisions_(decisions) {
-  const auto edit = [](const char* name, const QString& accessible) {
+  const auto edit = [](const char* name, const QString& accessible, const QString& help) {
     auto* line = new QLineEdit;
     line->setObjectName(name);
     line->setAccessibleName(accessible);
+    line->setToolTip(help);
     return line;
   };
   const auto button = [](const char* name, const QString& text, const QString& help) {
@@ -52,10 +55,11 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
     b->setToolTip(help);
     return b;
   };
-  object_ = edit("review.object", tr("Object"));
+  object_ = edit("review.object", tr("Object"),
+                 tr("What the decision is about; what is selected on any desk is entered here"));
   object_->setPlaceholderText(tr("station:S57, detection:run1/images/000012.jpg#57, ... or select one elsewhere"));
-  reason_ = edit("review.reason", tr("Reason"));
-  user_ = edit("review.user", tr("User"));
+  reason_ = edit("review.reason", tr("Reason"), tr("Why; kept with the decision in review.jsonl"));
+  user_ = edit("review.user", tr("User"), tr("Who decides; kept with the decision. Empty: the name of your login"));
   user_->setPlaceholderText(tr("you"));
   exclude_ = button("review.exclude", tr("&Exclude"), tr("Leave it out of what is solved and evaluated"));
   restore_ = button("review.restore", tr("&Restore"), tr("Take it in again"));
@@ -63,7 +67,7 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
   undo_ = button("review.undo", tr("&Undo last"), tr("Take the last decision back (Ctrl+Z, where no text is written)"));
   redo_ = button("review.redo", tr("Re&do"), tr("Make the decision again that was taken back last (Ctrl+Shift+Z)"));
   solve_ = button("review.solve", tr("Re-&solve"), tr("Make every result anew that rests on the review"));
-  variant_ = new QComboBox;
+  variant_ = new FittedBox(tr("Variant whose results are made anew and compared"));
   variant_->setObjectName("review.variant");
   variant_->setAccessibleName(tr("Variant to solve"));
   entries_ = MakeTable("review.entries", tr("Decisions"),
@@ -71,17 +75,20 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
   changes_ = MakeTable("review.changes", tr("What changed"),
                        {tr("reference"), tr("answer"), tr("run"), tr("station"), tr("before"), tr("after"),
                         QString::fromUtf8("\xcf\x83"), tr("status before"), tr("status after")});
-  changes_->horizontalHeaderItem(6)->setToolTip(tr("1 sigma of the error in space, the larger of the two"));
+  SetHeaderHelp(entries_, {tr("number of the decision in review.jsonl"), tr("when it was decided, UTC"),
+                           tr("who decided"), tr("exclude, restore, role or undo"), tr("what it is about"),
+                           tr("why; gray rows are no longer in force")});
+  SetHeaderHelp(changes_,
+                {tr("what the answers are compared with"), tr("how the answer was made: panorama (G2) or view (G1)"),
+                 tr("run that the panorama was localized against"), tr("station or check point"),
+                 tr("3D error before the decisions"), tr("3D error after re-solving"),
+                 tr("1 sigma of the error in space, the larger of the two"),
+                 tr("localized, refused, no match or no reference: before the decisions"),
+                 tr("localized, refused, no match or no reference: after re-solving")});
   for (QTableWidget* table : {entries_, changes_}) {
     table->horizontalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
     table->verticalHeader()->setDefaultSectionSize(table->fontMetrics().height() + 6);
   }
-  small_changes_ = new QCheckBox(tr("changes within 1 sigma, too"));
-  small_changes_->setObjectName("review.small");
-  summary_ = new QLabel(tr("Re-solve to see what the review changes at stations and check points."));
-  summary_->setObjectName("review.summary");
-  summary_->setWordWrap(true);
-
   auto* form = new QFormLayout;
   form->addRow(tr("Object"), object_);
   form->addRow(tr("Reason"), reason_);
@@ -93,19 +100,41 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
   auto* split = new QSplitter(Qt::Vertical);
   split->addWidget(entries_);
   auto* lower = new QWidget;
-  auto* rows = new QVBoxLayout(lower);
-  rows->setContentsMargins(0, 0, 0, 0);
-  rows->addWidget(summary_);
-  rows->addWidget(small_changes_);
-  rows->addWidget(changes_, 1);
+  lower->setLayout(MakeChanges());
   split->addWidget(lower);
+  body_ = new QWidget;
+  auto* rows = new QVBoxLayout(body_);
+  rows->setContentsMargins(0, 0, 0, 0);
+  rows->addLayout(form);
+  rows->addLayout(buttons);
+  rows->addWidget(split, 1);
+  empty_ = new QLabel(tr("Open a project (Ctrl+O) to exclude and restore what its results rest on."));
+  empty_->setObjectName("review.empty");
+  empty_->setWordWrap(true);
   auto* all = new QVBoxLayout(this);
-  all->addLayout(form);
-  all->addLayout(buttons);
-  all->addWidget(split, 1);
+  all->addWidget(empty_);
+  all->addWidget(body_, 1);
 
   Connect();
   Refresh();
+}
+
+QVBoxLayout* ReviewDesk::MakeChanges() {
+  small_changes_ = new QCheckBox(tr("changes within 1 sigma, too"));
+  small_changes_->setObjectName("review.small");
+  views_ = MakeViewsBox("review.views");
+  summary_ = new QLabel(tr("Re-solve to see what the review changes at stations and check points."));
+  summary_->setObjectName("review.summary");
+  summary_->setWordWrap(true);
+  auto* boxes = new FlowLayout;
+  boxes->addWidget(small_changes_);
+  boxes->addWidget(views_);
+  auto* rows = new QVBoxLayout;
+  rows->setContentsMargins(0, 0, 0, 0);
+  rows->addWidget(summary_);
+  rows->addLayout(boxes);
+  rows->addWidget(changes_, 1);
+  return rows;
 }
 
 void ReviewDesk::Connect() {
@@ -131,7 +160,7 @@ void ReviewDesk::Connect() {
     redo_->setEnabled(!decisions_->RedoText().isEmpty());
   });
   connect(solve_, &QPushButton::clicked, this, &ReviewDesk::Solve);
-  connect(small_changes_, &QCheckBox::toggled, this, &ReviewDesk::ShowChanges);
+  for (QCheckBox* box : {small_changes_, views_}) connect(box, &QCheckBox::toggled, this, &ReviewDesk::ShowChanges);
   for (QTableWidget* table : {entries_, changes_}) LinkTable(table, workspace_);
   connect(workspace_, &Workspace::Selected, this, [this](const QString& object) {
     if (!object.isEmpty()) object_->setText(object);
@@ -203,7 +232,8 @@ void ReviewDesk::StartSolving() {
 void ReviewDesk::Refresh() {
   entries_->setRowCount(0);
   const auto& snapshot = workspace_->snapshot();
-  setEnabled(snapshot != nullptr);
+  empty_->setVisible(snapshot == nullptr);
+  body_->setEnabled(snapshot != nullptr);
   const QSignalBlocker block(variant_);
   const QString before = variant_->currentData().toString();
   variant_->clear();
@@ -236,16 +266,17 @@ void ReviewDesk::ShowChanges() {
   const auto text = [this](const std::optional<double>& metres) {
     return metres ? workspace_->Length(*metres, 4) : QString("-");
   };
-  const auto changed =
-      ChangedErrors(before_, ErrorsOf(*workspace_->snapshot()->project, solving_variant_), kLeastChange_m);
+  auto changed = ChangedErrors(before_, ErrorsOf(*workspace_->snapshot()->project, solving_variant_), kLeastChange_m);
+  if (!views_->isChecked()) std::erase_if(changed, [](const ReviewedError& row) { return row.method == "g1"; });
   size_t small = 0;
   for (const ReviewedError& row : changed) {
     small += row.WithinSigma() ? 1 : 0;
     if (row.WithinSigma() && !small_changes_->isChecked()) continue;
     AddRow(changes_,
-           {QString::fromStdString(row.reference), QString::fromStdString(MethodName(row.method)),
+           {QString::fromStdString(ReferenceName(row.reference)), QString::fromStdString(MethodName(row.method)),
             QString::fromStdString(row.run), QString::fromStdString(row.station), text(row.before_m), text(row.after_m),
-            text(row.sigma_m), QString::fromStdString(row.status_before), QString::fromStdString(row.status_after)},
+            text(row.sigma_m), QString::fromStdString(StatusName(row.status_before)),
+            QString::fromStdString(StatusName(row.status_after))},
            QString::fromStdString("station:" + row.station), false);
   }
   if (changed.empty()) {

@@ -14,6 +14,7 @@ class QLabel;
 class QLineEdit;
 class QPushButton;
 class QTableWidget;
+class QVBoxLayout;
 
 namespace trigpoint {
 
@@ -36,6 +37,7 @@ class ReviewDesk : public QWidget {
 
  private:
   void Connect();
+  QVBoxLayout* MakeChanges();  // what re-solving changed
   void Refresh();
   void Forget();  // before another project is opened
   void Decide(const char* action);
@@ -48,10 +50,11 @@ class ReviewDesk : public QWidget {
   Decisions* decisions_;
   QLineEdit *object_, *reason_, *user_;
   QComboBox* variant_;
-  QCheckBox* small_changes_;
+  QCheckBox *small_changes_, *views_;
   QPushButton *exclude_, *restore_, *role_, *undo_, *redo_, *solve_;
   QTableWidget *entries_, *changes_;
-  QLabel* summary_;
+  QLabel *summary_, *empty_;
+  QWidget* body_;  // all but what is said without a project
   std::vector<ErrorRow> before_;
   std::string solving_variant_;
   // What was in force when the results were made, and before that: taken back, the earlier results are still there.

@@ -42,11 +42,13 @@ SiteTree::SiteTree(Workspace* workspace, QWidget* parent) : QTreeWidget(parent),
   setMinimumWidth(30 * fontMetrics().averageCharWidth());
   setContextMenuPolicy(Qt::CustomContextMenu);
   connect(this, &QTreeWidget::customContextMenuRequested, this, &SiteTree::Menu);
-  connect(this, &QTreeWidget::currentItemChanged, this, [this](QTreeWidgetItem* item) {
+  const auto select = [this](const QTreeWidgetItem* item) {
     if (!showing_ && item != nullptr && !item->data(0, kObject).toString().isEmpty()) {
       workspace_->Select(item->data(0, kObject).toString());
     }
-  });
+  };
+  connect(this, &QTreeWidget::currentItemChanged, this, select);
+  connect(this, &QTreeWidget::itemClicked, this, select);  // also on what is marked for something that belongs to it
   connect(this, &QTreeWidget::itemActivated, this, [this](QTreeWidgetItem* item) {
     if (!item->data(0, kStage).toString().isEmpty()) {
       AskForRun(item);
@@ -205,17 +207,21 @@ void SiteTree::SetState(const QString& title, const QString& state) {
 void SiteTree::ShowSelected() {
   if (showing_) return;
   const QString object = workspace_->selected();
-  if (object.isEmpty() || (currentItem() != nullptr && currentItem()->data(0, kObject).toString() == object)) return;
-  showing_ = true;
+  if (currentItem() != nullptr && currentItem()->data(0, kObject).toString() == object) return;
+  QTreeWidgetItem* shown = nullptr;  // the object itself, else the first that belongs to it
   for (QTreeWidgetItemIterator it(this); *it != nullptr; ++it) {
-    if ((*it)->data(0, kObject).toString() != object) continue;
-    // A folded group stays folded: a selection on another desk must not unfold a thousand images here.
-    const bool folded = !(*it)->parent()->isExpanded();
-    setAutoScroll(!folded);
-    setCurrentItem(*it);
-    setAutoScroll(true);
+    const QString of = (*it)->data(0, kObject).toString();
+    if (of.isEmpty()) continue;
+    if (shown == nullptr && workspace_->related().count(of.toStdString()) > 0) shown = *it;
+    if (of != object) continue;
+    shown = *it;
     break;
   }
+  showing_ = true;
+  // A folded group stays folded: a selection on another desk must not unfold a thousand images here.
+  setAutoScroll(shown != nullptr && shown->parent()->isExpanded());
+  setCurrentItem(shown);
+  setAutoScroll(true);
   showing_ = false;
 }
 

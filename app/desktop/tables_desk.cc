@@ -18,6 +18,8 @@
 #include <QVBoxLayout>
 #include <algorithm>
 #include <map>
+#include <optional>
+#include <string>
 
 #include "app/desktop/background.h"
 #include "app/desktop/column_help.h"
@@ -30,9 +32,18 @@ namespace trigpoint {
 namespace {
 
 constexpr int kWidestColumn = 30;  // characters, until somebody widens it
+constexpr int kMostLooked = 200;   // cells by which a column is one of numbers
 constexpr const char* kHidden = "tables/hidden";
 
 QString ObjectOf(const QModelIndex& row) { return row.data(DataTableModel::kObjectRole).toString(); }
+
+// As the other desks name it; nothing: as the file has it. A status is one of answers in these stages' tables alone.
+std::optional<std::string> WordFor(const DataTable& table, const std::string& column, const std::string& text) {
+  if (column == "method") return MethodName(text);
+  if (column == "reference") return ReferenceName(text);
+  const bool answers = table.title.starts_with("evaluate") || table.title.starts_with("localize");
+  return column == "status" && answers ? std::optional(StatusName(text)) : std::nullopt;
+}
 
 // What has no value comes last, whichever way one sorts.
 class BlanksLast : public QSortFilterProxyModel {
@@ -57,8 +68,10 @@ void DataTableModel::SetTable(std::shared_ptr<const DataTable> table) {
   numeric_.clear();
   for (size_t c = 0; table_ && c < table_->columns.size(); ++c) {
     bool numeric = false;
-    for (size_t r = 0; r < table_->rows.size() && r < 200; ++r) {
+    int looked = 0;  // at cells that hold something
+    for (size_t r = 0; r < table_->rows.size() && looked < kMostLooked; ++r) {
       if (table_->rows[r][c].empty()) continue;
+      ++looked;
       QString::fromStdString(table_->rows[r][c]).toDouble(&numeric);
       if (!numeric) break;
     }
@@ -100,7 +113,9 @@ QVariant DataTableModel::data(const QModelIndex& index, int role) const {
   const QString text = QString::fromStdString(table_->rows[r][c]);
   switch (role) {
     case Qt::DisplayRole:
-      if (table_->columns[c] == "method") return QString::fromStdString(MethodName(text.toStdString()));
+      if (const auto word = WordFor(*table_, table_->columns[c], text.toStdString())) {
+        return QString::fromStdString(*word);
+      }
       return formats_[c].Cell(text, {workspace_->unit().toStdString(), workspace_->metres_per_unit()});
     case Qt::ToolTipRole: return text;  // as the file has it
     case kSortRole: return numeric_[c] ? (text.isEmpty() ? QVariant() : QVariant(text.toDouble())) : QVariant(text);
@@ -142,6 +157,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   tree_->setAccessibleName(tr("Tables"));
   tree_->setHeaderHidden(true);
   tree_->setUniformRowHeights(true);
+  tree_->setTextElideMode(Qt::ElideMiddle);  // many begin alike
   filter_ = new QLineEdit;
   filter_->setObjectName("tables.filter");
   filter_->setAccessibleName(tr("Filter of the rows"));
@@ -295,8 +311,8 @@ void TablesDesk::Refresh() {
         folder = inner;
       }
       auto* item = new QTreeWidgetItem(folders[folder], {parts.last()});
+      item->setToolTip(0, QString::fromStdString(source.title));  // names are cut in a narrow tree
       item->setData(0, Qt::UserRole, QString::fromStdString(source.title));
-      item->setToolTip(0, parts.last());  // where it is cut
     }
     QTreeWidgetItem* now = ItemOf(before);
     if (now == nullptr && !sources_.empty()) now = ItemOf(QString::fromStdString(sources_.front().title));

@@ -13,6 +13,7 @@
 #include "app/pipeline/plan_report.h"
 #include "app/pipeline/survey_input.h"
 #include "datasets/project/forked.h"
+#include "eval/text/display_unit.h"
 #include "survey/field/advice.h"
 #include "survey/field/findings.h"
 
@@ -102,7 +103,7 @@ class SiteCheck {
 // findings.csv, tags.csv, next.csv, summary.json, map.svg, index.html; `refresh_s`: the page reloads itself, 0: never.
 void WriteCheck(const CheckOutcome& outcome, int refresh_s, const std::filesystem::path& folder);
 // Tags, the way so far, and where to stand next; nothing: no map can be made of it yet.
-std::optional<Drawing> CheckMap(const CheckOutcome& outcome);
+std::optional<Drawing> CheckMap(const CheckOutcome& outcome, const DisplayUnit& unit = {});
 // "amber: 382 pictures of 2 runs, 12 pictures of 1 photo set, 8 of 9 tags seen".
 std::string CheckHeadline(const CheckOutcome& outcome);
 

@@ -235,10 +235,10 @@ Document PageOf(const CheckOutcome& outcome) {
 
 }  // namespace
 
-std::optional<Drawing> CheckMap(const CheckOutcome& outcome) {
+std::optional<Drawing> CheckMap(const CheckOutcome& outcome, const DisplayUnit& unit) {
   if (!outcome.facts.layout || !outcome.facts.prediction) return std::nullopt;
   return PlanMap(MapFindings(outcome), {"tag seen", "tag planned, not seen yet", "camera path",
-                                        "photograph next: stand there, look along the arrow"});
+                                        "photograph next: stand there, look along the arrow", unit});
 }
 
 std::string CheckHeadline(const CheckOutcome& outcome) {

@@ -408,11 +408,12 @@ class MapPainter {
 
   // Below the map; returns where it ends.
   double Legend(double top) {
-    const double metres = RoundDown(0.25 * (high_.x() - low_.x())), y = top + 34;
+    const double length = RoundDown(0.25 * (high_.x() - low_.x()) / words_.unit.metres);
+    const double metres = length * words_.unit.metres, y = top + 34;
     drawing_.Line({{0, top}, {kWidth, top}}, "#d5dade", 1);
     drawing_.Line({{12, y}, {12 + metres * scale_, y}}, kInk, 2);
     for (const double x : {12.0, 12 + metres * scale_}) drawing_.Line({{x, y - 4}, {x, y + 4}}, kInk, 2);
-    drawing_.Text(12, y - 8, fmt::format("{:g} m", metres), -1, 12, kInk);
+    drawing_.Text(12, y - 8, fmt::format("{:g} {}", length, words_.unit.name), -1, 12, kInk);
     const double x = kWidth - 40;
     if (findings_.prediction.in_world || findings_.aerial) {
       drawing_.Text(x, y - 16, "N", 0, 12, kInk, true);

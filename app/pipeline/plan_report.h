@@ -9,6 +9,7 @@
 
 #include "app/pipeline/plan_layout.h"
 #include "eval/report/drawing.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 
@@ -68,6 +69,7 @@ HorizontalEllipse EllipseOf(const Eigen::Matrix3d& covariance);
 struct MapWords {
   std::string seen = "tag", unseen = "tag in no planned picture", path = "planned path";
   std::string suggested = "suggested place; arrow: the way it faces";
+  DisplayUnit unit = {};  // of the scale
 };
 // The site from above with its ellipses, over the aerial image, and a legend of what is there (plan_map.cc). Numbers:
 // suggestions in their order; without any, the ranks of the best gains, three of each kind.

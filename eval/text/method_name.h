@@ -1,4 +1,5 @@
-// What people read for the methods and references that errors.csv calls g1, g2, single, self, control and survey.
+// What people read for the methods, references and statuses that errors.csv calls g1, g2, single, self, control,
+// survey, rejected, unmatched and no_reference.
 #pragma once
 
 #include <string>
@@ -21,6 +22,13 @@ inline std::string ReferenceName(const std::string& reference) {
   if (reference == "self") return "the run's own tags";
   if (reference == "control") return "surveyed control";
   return reference == "survey" ? "the tag map" : reference;
+}
+
+// What became of an answer, by the statuses of errors.csv and panoramas.csv.
+inline std::string StatusName(const std::string& status) {
+  if (status == "rejected") return "refused";
+  if (status == "unmatched") return "no match";
+  return status == "no_reference" ? "no reference" : status;
 }
 
 }  // namespace trigpoint

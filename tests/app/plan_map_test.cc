@@ -115,6 +115,21 @@ TEST(PlanMap, LegendNamesWhatIsThere) {
   }
 }
 
+TEST(PlanMap, TheScaleTakesTheUnit) {
+  const auto scale_of = [](const MapWords& words) {
+    for (const std::string& text : TextsOf(PlanMap(Crowded(), words))) {
+      if (!text.empty() && text.ends_with(" " + words.unit.name)) return text;
+    }
+    return std::string();
+  };
+  MapWords words;
+  const double metres = std::stod(scale_of(words));
+  words.unit = {"ft", 0.3048};
+  const double feet = std::stod(scale_of(words));
+  EXPECT_GT(0.3048 * feet, 0.4 * metres);  // the round length below a quarter of the width
+  EXPECT_LT(0.3048 * feet, 2.5 * metres);
+}
+
 // Stations beside their tags, in a cluster: names that find no place beside their marks get a line to them.
 TEST(PlanMap, EveryTagAndStationHasAName) {
   std::set<std::string> names;

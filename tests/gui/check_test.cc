@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include <QLabel>
+#include <QListWidget>
 #include <QPushButton>
 #include <QSignalSpy>
 #include <QTableWidget>
@@ -13,6 +14,8 @@
 #include <string>
 
 #include "app/desktop/check_desk.h"
+#include "app/desktop/picture_view.h"
+#include "app/desktop/site_tree.h"
 #include "tests/gui/gui_driver.h"
 
 namespace trigpoint {
@@ -30,6 +33,24 @@ class CheckDeskTest : public ResultsWindowTest {
     ResultsWindowTest::SetUp();
   }
 };
+
+// On the map the mark of what belongs to the selection, since a map has tags and no stations.
+TEST_F(CheckDeskTest, TheMapMarksWhatBelongsToTheSelection) {
+  window_->ShowDesk("check");
+  PictureView* map = window_->check()->map();
+  QImage paper(200, 200, QImage::Format_RGB32);
+  paper.fill(Qt::white);
+  map->SetPicture(paper, "");
+  PictureMark mark;  // it is seen only when it is marked
+  mark.kind = PictureMark::Kind::kCircle;
+  mark.points << QPointF(100, 100) << QPointF(20, 0);
+  mark.colour = QColor(0, 0, 0, 0);
+  mark.object = "tag:2";
+  map->SetMarks({mark});
+  const QImage before = map->grab().toImage();
+  window_->workspace()->Select("station:S2");
+  EXPECT_NE(map->grab().toImage(), before);
+}
 
 TEST_F(CheckDeskTest, ShowsWhatTheCommandFindsAndWatchesUntilStopped) {
   window_->ShowDesk("check");
@@ -70,6 +91,11 @@ TEST_F(CheckDeskTest, ShowsWhatTheCommandFindsAndWatchesUntilStopped) {
   std::ofstream(run / "images.txt", std::ios::app) << "99.0 images/added.jpg\n";
   EXPECT_TRUE(WaitFor([&] { return desk->outcome()->pictures == before + 1; }))
       << desk->outcome()->pictures << " after " << last;
+  // The other desks have it, too.
+  EXPECT_TRUE(WaitFor([&] {
+    return !window_->tree()->findItems("images/added.jpg", Qt::MatchExactly | Qt::MatchRecursive).isEmpty() &&
+           !Child<QListWidget>(window_.get(), "images.list")->findItems("images/added.jpg", Qt::MatchExactly).isEmpty();
+  }));
   Click(window_.get(), "check.stop");
   ASSERT_TRUE(WaitFor([&] { return !desk->running(); }));
   EXPECT_EQ(ended.count(), 2);

@@ -97,6 +97,24 @@ TEST_F(ImagesTest, TheImagesOfATagComeInTurnTheWorstResidualFirst) {
   QDir(Path("results/survey")).removeRecursively();
 }
 
+TEST_F(ImagesTest, WhichImageOfATagIsShownStaysWhileTheMouseMoves) {
+  window_->workspace()->Select("station:S1");
+  Click(window_.get(), "images.next");
+  auto* turn = Child<QLabel>(images_, "images.turn");
+  ASSERT_TRUE(WaitFor([&] { return turn->text().startsWith("tag 1: 1 of 2"); }));
+  emit images_->left()->Hovered({20, 30});
+  EXPECT_TRUE(turn->text().startsWith("tag 1: 1 of 2"));
+  window_->workspace()->Select("station:S2");
+  EXPECT_EQ(turn->text(), "");
+}
+
+TEST_F(ImagesTest, TheImageThatIsMarkedIsSelectedByAClick) {
+  Show("image:run1/images/000006.jpg");
+  window_->workspace()->Select("detection:run1/images/000006.jpg#1");
+  ClickRow(Child<QListWidget>(images_, "images.list"), 6);
+  EXPECT_EQ(window_->workspace()->selected(), "image:run1/images/000006.jpg");
+}
+
 // A part that is looked at is as large as its view has room for, and stays in its middle when the view changes.
 TEST_F(ImagesTest, ATagIsNearInASmallViewAndStaysSo) {
   PictureView view;
@@ -341,6 +359,25 @@ TEST_F(MatchesTest, MatchDrawsWhatBothPicturesShow) {
   right->LookAt(OnTheRight(feature.point)->points[0], 40);
   QTest::mouseClick(right, Qt::LeftButton, {}, right->WidgetAt(OnTheRight(feature.point)->points[0]).toPoint());
   EXPECT_EQ(window_->workspace()->selected(), "point:run1/" + QString::number(feature.point));
+}
+
+TEST_F(MatchesTest, LinesLieOverBothPanes) {
+  Match();
+  const QWidget* panes = images_->left()->parentWidget();
+  EXPECT_EQ(images_->lines()->size(), panes->size());
+  ASSERT_GT(images_->lines()->InSight(), 0);
+  // Between the panes nothing else has a colour.
+  const QRect left = images_->left()->geometry(), right = images_->right()->geometry();
+  const QRect gap = right.left() > left.right()
+                        ? QRect(left.right() + 1, 0, right.left() - left.right() - 1, panes->height())
+                        : QRect(0, left.bottom() + 1, panes->width(), right.top() - left.bottom() - 1);
+  const QImage drawn = images_->lines()->parentWidget()->grab(gap.translated(panes->pos())).toImage();
+  int coloured = 0;
+  for (int y = 0; y < drawn.height(); ++y) {
+    for (int x = 0; x < drawn.width(); ++x) coloured += drawn.pixelColor(x, y).saturation() > 40 ? 1 : 0;
+  }
+  EXPECT_GT(coloured, 0);
+  Screenshot(window_.get(), "images_lines");
 }
 
 TEST_F(MatchesTest, APanoramaIsShownAsTheViewsThatLocalizeMatches) {

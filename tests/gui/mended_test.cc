@@ -2,13 +2,20 @@
 #include <gmock/gmock.h>
 
 #include <QAction>
+#include <QCheckBox>
 #include <QComboBox>
 #include <QDockWidget>
+#include <QHelpEvent>
 #include <QLabel>
 #include <QMenuBar>
 #include <QSignalSpy>
+#include <QStyleOptionComboBox>
 #include <QTableWidget>
 #include <QThread>
+#include <QToolTip>
+#include <map>
+#include <string>
+#include <vector>
 
 #include "app/desktop/compare_desk.h"
 #include "app/desktop/decisions.h"
@@ -23,7 +30,11 @@
 namespace trigpoint {
 namespace {
 
+using testing::Contains;
+using testing::Each;
 using testing::HasSubstr;
+using testing::IsSupersetOf;
+using testing::UnorderedElementsAre;
 
 class MendedTest : public ResultsWindowTest {};
 
@@ -197,6 +208,155 @@ TEST_F(MendedTest, ADecisionIsNotTakenForOneOfAnotherProject) {
   ASSERT_TRUE(WaitFor([&] { return problems.count() > 0; }));
   ASSERT_TRUE(open_other());
   EXPECT_EQ(decided.count(), 0);
+}
+
+TEST(WithoutAProject, DesksSayWhatToDo) {
+  QSettings().clear();
+  const auto window = OpenWindow("");
+  const std::pair<const char*, const char*> kLabels[] = {
+      {"compare", "compare.note"}, {"review", "review.empty"}, {"calibration", "calibration.text"}};
+  for (const auto& [desk, name] : kLabels) {
+    window->ShowDesk(desk);
+    const auto* label = Child<QLabel>(window.get(), name);
+    EXPECT_TRUE(label->isVisible()) << desk;
+    EXPECT_TRUE(label->isEnabled()) << desk;
+    EXPECT_THAT(label->text().toStdString(), HasSubstr("Open a project (Ctrl+O)")) << desk;
+  }
+  for (const char* desk : {"panoramas", "calibration"}) {
+    window->ShowDesk(desk);
+    for (const PictureView* view : window->findChildren<PictureView*>()) {
+      EXPECT_TRUE(!view->isVisible() || !view->accessibleDescription().isEmpty()) << desk;
+    }
+  }
+  EXPECT_THAT(Child<PictureView>(window.get(), "panorama.picture")->accessibleDescription().toStdString(),
+              HasSubstr("Open a project (Ctrl+O)"));
+  Screenshot(window.get(), "empty_calibration");
+}
+
+// Also where the desk was seen before there was anything to choose.
+TEST_F(MendedTest, BoxesShowTheirTexts) {
+  const auto window = OpenWindow("");
+  const std::pair<const char*, const char*> kBoxes[] = {{"compare", "compare.a"},     {"compare", "compare.run_a"},
+                                                        {"review", "review.variant"}, {"images", "images.reference"},
+                                                        {"images", "images.run"},     {"panoramas", "panorama.set"}};
+  for (const auto& [desk, name] : kBoxes) {
+    window->ShowDesk(desk);
+    QTest::qWait(20);
+  }
+  window->OpenProject(site_->path());
+  ASSERT_TRUE(WaitFor([&] { return Child<QComboBox>(window.get(), "images.reference")->count() > 0; }));
+  for (const auto& [desk, name] : kBoxes) {
+    window->ShowDesk(desk);
+    QTest::qWait(20);
+    auto* box = Child<QComboBox>(window.get(), name);
+    QStyleOptionComboBox option;
+    option.initFrom(box);
+    const int room =
+        box->style()->subControlRect(QStyle::CC_ComboBox, &option, QStyle::SC_ComboBoxEditField, box).width();
+    ASSERT_GT(box->count(), 0) << name;
+    for (int i = 0; i < box->count(); ++i) {
+      EXPECT_LE(box->fontMetrics().horizontalAdvance(box->itemText(i)), room) << name;
+    }
+    QHelpEvent asked(QEvent::ToolTip, {3, 3}, box->mapToGlobal({3, 3}));
+    QApplication::sendEvent(box, &asked);
+    EXPECT_THAT(QToolTip::text().toStdString(), HasSubstr(box->currentText().toStdString())) << name;
+  }
+  QToolTip::hideText();
+}
+
+TEST_F(MendedTest, ControlsAndColumnsSayWhatTheyAreFor) {
+  for (const char* name :
+       {"images.run", "images.reference", "images.detections", "images.tracks", "images.inliers", "images.outliers",
+        "compare.a", "compare.b", "compare.run_a", "compare.run_b", "compare.other", "compare.views", "review.object",
+        "review.reason", "review.user", "review.variant", "review.views"}) {
+    EXPECT_NE(Child<QWidget>(window_.get(), name)->toolTip(), "") << name;
+  }
+  for (const char* name : {"review.entries", "review.changes", "check.next", "check.findings"}) {
+    const auto* table = Child<QTableWidget>(window_.get(), name);
+    for (int c = 0; c < table->columnCount(); ++c) EXPECT_NE(table->horizontalHeaderItem(c)->toolTip(), "") << name;
+  }
+}
+
+// Errors of both kinds of answers against every reference, with one that was refused.
+class AnswersTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    QSettings().clear();
+    WriteResultsSite(site_.path().toStdString(), {});
+    Write(1);
+    window_ = OpenWindow(site_.path());
+  }
+  // Errors `factor` times as large.
+  void Write(double factor) {
+    for (const char* folder : {"/results/evaluate", "/results/evaluate@trial"}) {
+      const std::string file = site_.path().toStdString() + folder + "/errors.csv";
+      if (whole_.count(folder) == 0) whole_[folder] = ReadTextFile(file);
+      const std::string variant = std::string(folder).ends_with("trial") ? "trial" : "";
+      const auto row = [&](const char* method, int station, const char* reference, const std::string& rest) {
+        const std::string n = std::to_string(station);
+        return "run1," + variant + "," + method + ",S" + n + ",panoramas/p00" + n + ".jpg," + n + "," + reference +
+               ",relative," + rest + "\n";
+      };
+      const std::string e = std::to_string(0.5 * factor);
+      const std::string answered = "localized,," + e + "," + e + ",0," + e + ",0,0,,0.05,0.05,0.08,1,3";
+      const std::string refused = factor > 1 ? answered : "rejected,few inliers,,,,,,,,,,,,";
+      const std::string text = whole_[folder];
+      const size_t rows = text.find('\n', text.find("run,")) + 1;
+      WriteFileAtomically(file, text.substr(0, rows) + row("g1", 1, "self", answered) + text.substr(rows) +
+                                    row("single", 2, "self", answered) + row("single", 3, "survey", refused));
+    }
+  }
+  static std::vector<std::string> Column(const QAbstractItemView* view, int column) {
+    std::vector<std::string> all;
+    for (int row = 0; row < view->model()->rowCount(); ++row) {
+      all.push_back(view->model()->index(row, column).data().toString().toStdString());
+    }
+    return all;
+  }
+  QTemporaryDir site_;
+  std::map<std::string, std::string> whole_;
+  std::unique_ptr<MainWindow> window_;
+};
+
+TEST_F(AnswersTest, CompareShowsFinalAnswersInTheWordsOfTheCard) {
+  window_->ShowDesk("compare");
+  auto* errors = Child<QTableWidget>(window_.get(), "compare.errors");
+  ASSERT_TRUE(WaitFor([&] { return errors->rowCount() == 6; })) << errors->rowCount();
+  EXPECT_THAT(Column(errors, 1), Each("panorama (G2)"));
+  EXPECT_THAT(Column(errors, 0), IsSupersetOf({"surveyed control", "the run's own tags", "the tag map"}));
+  EXPECT_GE(RowWith(errors, "refused"), 0);
+  Child<QCheckBox>(window_.get(), "compare.views")->setChecked(true);
+  ASSERT_TRUE(WaitFor([&] { return errors->rowCount() == 7; }));
+  EXPECT_THAT(Column(errors, 1), Contains("view (G1)"));
+  Screenshot(window_.get(), "compare_words");
+}
+
+TEST_F(AnswersTest, ReviewShowsFinalAnswersInTheWordsOfTheCard) {
+  window_->ShowDesk("review");
+  WriteFileAtomically(site_.filePath("trigpoint.yaml").toStdString(), "stages: {detect: {nonsense: 1}}\n");
+  Click(window_.get(), "review.solve");  // fails at once: what changes then is the file alone
+  ASSERT_TRUE(WaitFor([&] { return !window_->jobs()->running() && !window_->workspace()->opening(); }));
+  Write(10);
+  Child<QCheckBox>(window_.get(), "review.small")->setChecked(true);
+  const auto* changes = Child<QTableWidget>(window_.get(), "review.changes");
+  ASSERT_EQ(changes->rowCount(), 2);
+  EXPECT_THAT(Column(changes, 0), UnorderedElementsAre("the run's own tags", "the tag map"));
+  EXPECT_THAT(Column(changes, 1), Each("panorama (G2)"));
+  EXPECT_THAT(Column(changes, 7), Contains("refused"));
+  Child<QCheckBox>(window_.get(), "review.views")->setChecked(true);
+  EXPECT_EQ(changes->rowCount(), 3);
+  EXPECT_THAT(Column(changes, 1), Contains("view (G1)"));
+}
+
+TEST_F(AnswersTest, TablesListFinalAnswersFirst) {
+  window_->ShowDesk("tables");
+  ASSERT_TRUE(WaitFor([&] { return window_->tables()->Choose("evaluate/errors"); }));
+  const auto* view = Child<QTableView>(window_.get(), "tables.view");
+  ASSERT_TRUE(WaitFor([&] { return view->model()->rowCount() == 7; }));
+  EXPECT_EQ(Column(view, 2).front(), "panorama (G2)");
+  EXPECT_EQ(Column(view, 2).back(), "view (G1)");
+  EXPECT_THAT(Column(view, 6), Contains("the run's own tags"));
+  EXPECT_THAT(Column(view, 8), Contains("refused"));
 }
 
 TEST_F(MendedTest, ASelectionUnfoldsNoRun) {

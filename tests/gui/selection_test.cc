@@ -13,6 +13,8 @@
 #include <QTableView>
 #include <QTableWidget>
 #include <QTreeWidget>
+#include <map>
+#include <tuple>
 
 #include "app/desktop/column_help.h"
 #include "app/desktop/decisions.h"
@@ -63,6 +65,93 @@ TEST_F(SelectionTest, ARowIsSelectedAgainByAClick) {
   EXPECT_TRUE(view_->selectionModel()->selectedRows().isEmpty());
   ClickRow(view_, RowWith(view_, "S2"));
   EXPECT_EQ(window_->workspace()->selected(), "station:S2");
+}
+
+TEST_F(SelectionTest, TheTreeMarksWhatIsSelectedOrBelongsToIt) {
+  SiteTree* tree = window_->tree();
+  const auto click = [&](const char* name) {
+    QTreeWidgetItem* item = tree->findItems(name, Qt::MatchExactly | Qt::MatchRecursive).front();
+    tree->scrollToItem(item);
+    QTest::mouseClick(tree->viewport(), Qt::LeftButton, {}, tree->visualItemRect(item).center());
+  };
+  click("S2");
+  EXPECT_EQ(window_->workspace()->selected(), "station:S2");
+  window_->workspace()->Select("detection:run1/images/000012.jpg#2");
+  ASSERT_NE(tree->currentItem(), nullptr);
+  EXPECT_EQ(tree->currentItem()->text(0), "images/000012.jpg");
+  click("S2");
+  EXPECT_EQ(window_->workspace()->selected(), "station:S2");
+  // What has nothing in the tree leaves nothing marked; what is marked for another can be selected.
+  window_->workspace()->Select("point:run1/7");
+  EXPECT_EQ(tree->currentItem(), nullptr);
+  EXPECT_TRUE(tree->selectedItems().isEmpty());
+  window_->workspace()->Select("detection:run1/images/000012.jpg#2");
+  tree->scrollToItem(tree->currentItem());
+  QTest::mouseClick(tree->viewport(), Qt::LeftButton, {}, tree->visualItemRect(tree->currentItem()).center());
+  EXPECT_EQ(window_->workspace()->selected(), "image:run1/images/000012.jpg");
+}
+
+// Every kind of table that the stages write and that names objects in another way than by its own columns alone.
+TEST_F(SelectionTest, EveryTableLoadsAndLeadsToItsObjects) {
+  const std::string c = ",0,0\n";
+  const std::tuple<const char*, std::string, const char*> kTables[] = {
+      {"localize/run1/matches",
+       "panorama,view,image,u_image,v_image,u_view,v_view\npanoramas/p001.jpg,0,images/000003.jpg,9,9,9,9\n",
+       "image:run1/images/000003.jpg"},
+      {"localize/run1/cameras_cov", "image_a,image_b,c00,c01\nimages/000003.jpg,images/000004.jpg" + c,
+       "image:run1/images/000003.jpg"},
+      {"localize/run1/panoramas_cov", "panorama_a,panorama_b,c00,c01\npanoramas/p001.jpg,panoramas/p002.jpg" + c,
+       "panorama:panoramas/p001.jpg"},
+      {"survey/tags_cov", "tag_a,tag_b,c00,c01\n1,2" + c, "tag:1"},
+      {"calibrate/cam0/residuals", "camera,image,point,u,v,du_px,dv_px,used\ncam0,board/1.jpg,0,9,9,0.1,0.1,1\n", ""},
+      {"calibrate/cam0/views",
+       "camera,image,frame,status,reason,points,points_used,rms_px,tilt_deg,distance_m\n"
+       "cam0,board/1.jpg,1,used,,54,54,0.2,10,0.5\ncam0,board/2.jpg,,no board,none was found,,,,,\n",
+       ""},
+      {"stitch/station_002/rig", "photo,tx,ty,tz\na.jpg,0,0,0\n", "panorama:station_002"},
+      {"stitch/station_002/pairs", "photo_a,photo_b,matches,candidates\na.jpg,b.jpg,20,40\n", "panorama:station_002"},
+      {"detect/run1/unnamed", "timestamp,image,tag_id\n1000.5,,1\n", "detection:run1/@1000.500000000#1"},
+      {"detect/run1/nothing", "timestamp,image,tag_id\n,,1\n", "tag:1"}};
+  for (const auto& [title, text, object] : kTables) {
+    WriteFileAtomically(Path("results/").toStdString() + title + ".csv", text);
+  }
+  std::map<std::string, DataTableSource> found;
+  for (const DataTableSource& source : FindTables(Path("results").toStdString())) {
+    found[source.title] = source;
+    EXPECT_NO_THROW(LoadDataTable(source)) << source.title;
+  }
+  for (const auto& [title, text, object] : kTables) {
+    const DataTable table = LoadDataTable(found.at(title));
+    EXPECT_TRUE(table.warnings.empty()) << title;
+    ASSERT_FALSE(table.objects.empty()) << title;
+    EXPECT_EQ(table.objects.front(), object) << title;
+    QFile::remove(Path("results/") + title + ".csv");
+  }
+  for (const char* folder : {"results/calibrate", "results/stitch", "results/survey"}) {
+    QDir(Path(folder)).removeRecursively();
+  }
+}
+
+TEST_F(SelectionTest, TablesShowUnitsAndSortColumnsThatBeginBlank) {
+  std::string text = "timestamp,u0,v_view,left_m\n1000.123456789,7.25,8,\n";
+  for (int i = 0; i < 250; ++i) text += "1000.5,1,2,\n";
+  WriteFileAtomically(Path("results/evaluate/late.csv").toStdString(), text + "1001,1,2,10\n1002,1,2,9\n");
+  window_->workspace()->Reload();
+  window_->ShowDesk("tables");
+  ASSERT_TRUE(WaitFor([&] { return window_->tables()->Choose("evaluate/late"); }));
+  view_ = Child<QTableView>(window_.get(), "tables.view");
+  ASSERT_TRUE(WaitFor([&] { return view_->model()->columnCount() == 4; }));
+  QStringList header, first;
+  for (int column = 0; column < 3; ++column) {
+    header << view_->model()->headerData(column, Qt::Horizontal).toString();
+    first << view_->model()->index(0, column).data().toString();
+  }
+  EXPECT_EQ(header.join(", ").toStdString(), "timestamp (s), u0 (px), v_view (px)");
+  EXPECT_EQ(first.join(", ").toStdString(), "1000.123, 7.250, 8.000");
+  view_->sortByColumn(3, Qt::AscendingOrder);
+  EXPECT_EQ(view_->model()->index(0, 3).data().toString(), "9.0000");
+  EXPECT_EQ(Child<QTreeWidget>(window_.get(), "tables.tree")->currentItem()->toolTip(0), "evaluate/late");
+  QFile::remove(Path("results/evaluate/late.csv"));
 }
 
 TEST_F(SelectionTest, EveryDeskFollows) {
