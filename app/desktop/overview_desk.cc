@@ -315,8 +315,8 @@ void OverviewDesk::Choose(const QString& object) {
 }
 
 QString OverviewDesk::StatusText(const std::string& status) {
-  [[maybe_unused]] static const char* kWords[] = {QT_TR_NOOP("no reference"), QT_TR_NOOP("no match"), QT_TR_NOOP("refused"),
-                                                  QT_TR_NOOP("localized")};
+  [[maybe_unused]] static const char* kWords[] = {QT_TR_NOOP("no reference"), QT_TR_NOOP("no match"),
+                                                  QT_TR_NOOP("refused"), QT_TR_NOOP("localized")};
   return tr(StatusName(status).c_str());
 }
 

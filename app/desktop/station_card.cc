@@ -177,7 +177,7 @@ void StationCard::ShowAnswers() {
     const int row = table_->rowCount();
     table_->insertRow(row);
     Put(row, 0, Text(a.run), Text(a.panorama));
-    QString text = a.status == "localized" ? tr("located") : Text(a.status);
+    QString text = a.status == "localized" ? tr("localized") : Text(StatusName(a.status));
     if (a.status == "localized" && a.sigma_m) {
       text += QString::fromUtf8(", \xcf\x83 ") + workspace_->Length(*a.sigma_m, kDecimals) + tr(" (largest axis)");
     }
@@ -248,7 +248,7 @@ void StationCard::AddRow(const ErrorRecord& e) {
   const auto put = [&](int column, const QString& text) { return Put(row, column, text, Text(e.panorama)); };
   put(0, Text(e.run));
   if (!e.Answered()) {
-    const QString text = e.reason.empty() ? Text(e.status) : Text(e.status + ": " + e.reason);
+    const QString text = e.reason.empty() ? Text(StatusName(e.status)) : Text(StatusName(e.status) + ": " + e.reason);
     PutAcross(row, 1, text, text);
     return;
   }
