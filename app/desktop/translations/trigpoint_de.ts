@@ -1364,6 +1364,30 @@
         <source>No uncertainty map: run calibrate again to make it.</source>
         <translation>Keine Karte der Unsicherheit: calibrate noch einmal rechnen.</translation>
     </message>
+    <message>
+        <source>Calibration that is shown</source>
+        <translation>Angezeigte Kalibrierung</translation>
+    </message>
+    <message>
+        <source>Camera of the calibration</source>
+        <translation>Kamera der Kalibrierung</translation>
+    </message>
+    <message>
+        <source>Which parts of the image have points is drawn here.</source>
+        <translation>Hier wird gezeichnet, welche Teile des Bildes Punkte haben.</translation>
+    </message>
+    <message>
+        <source>The residuals over the image are drawn here.</source>
+        <translation>Hier werden die Residuen über dem Bild gezeichnet.</translation>
+    </message>
+    <message>
+        <source>The uncertainty over the image is drawn here.</source>
+        <translation>Hier wird die Unsicherheit über dem Bild gezeichnet.</translation>
+    </message>
+    <message>
+        <source>Open a project (Ctrl+O) to see its calibrations.</source>
+        <translation>Ein Projekt öffnen (Strg+O), um seine Kalibrierungen zu sehen.</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::ChartsDesk</name>
@@ -1410,6 +1434,10 @@
     <message>
         <source>In this bar: %1</source>
         <translation>In diesem Balken: %1</translation>
+    </message>
+    <message>
+        <source>These have the largest values; %1 more are not listed.</source>
+        <translation>Diese haben die größten Werte; %1 weitere sind nicht aufgeführt.</translation>
     </message>
 </context>
 <context>
@@ -1606,6 +1634,26 @@
         <source>not planned</source>
         <translation>nicht geplant</translation>
     </message>
+    <message>
+        <source>what helps most comes first</source>
+        <translation>was am meisten hilft, steht vorn</translation>
+    </message>
+    <message>
+        <source>what is missing, or what it improves</source>
+        <translation>was fehlt oder was es verbessert</translation>
+    </message>
+    <message>
+        <source>red: the recordings do not suffice yet; amber: look at it before you leave; green: no problem found</source>
+        <translation>rot: die Aufnahmen genügen noch nicht; gelb: vor dem Weggehen ansehen; grün: kein Problem gefunden</translation>
+    </message>
+    <message>
+        <source>what was looked at</source>
+        <translation>was geprüft wurde</translation>
+    </message>
+    <message>
+        <source>what was found</source>
+        <translation>was gefunden wurde</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::CompareDesk</name>
@@ -1782,7 +1830,31 @@
         <translation>Fehler von B minus Fehler von A: negativ, wo B besser ist (%1)</translation>
     </message>
     <message>
-        <source>localized, refused, not matched or without reference: in A, then in B</source>
+        <source>Results of a variant, of a release, or of another project</source>
+        <translation>Ergebnisse einer Variante, einer Veröffentlichung oder eines anderen Projekts</translation>
+    </message>
+    <message>
+        <source>All runs, or the one whose answers are compared</source>
+        <translation>Alle Fahrten oder die, deren Antworten verglichen werden</translation>
+    </message>
+    <message>
+        <source>A folder with another project, a release, or errors.csv: becomes B</source>
+        <translation>Ein Ordner mit einem anderen Projekt, einer Veröffentlichung oder errors.csv: wird B</translation>
+    </message>
+    <message>
+        <source>Open a project (Ctrl+O) to compare its variants, runs and releases.</source>
+        <translation>Ein Projekt öffnen (Strg+O), um seine Varianten, Fahrten und Veröffentlichungen zu vergleichen.</translation>
+    </message>
+    <message>
+        <source>1 sigma (%1)</source>
+        <translation>1 Sigma (%1)</translation>
+    </message>
+    <message>
+        <source>standard deviation of the error in space, the larger one of A and B (%1)</source>
+        <translation>Standardabweichung des räumlichen Fehlers, die größere von A und B (%1)</translation>
+    </message>
+    <message>
+        <source>localized, refused, no match or no reference: in A, then in B</source>
         <translation>lokalisiert, abgelehnt, nicht zugeordnet oder ohne Referenz: in A, dann in B</translation>
     </message>
 </context>
@@ -2306,6 +2378,30 @@
         <source>view %1</source>
         <translation>Ansicht %1</translation>
     </message>
+    <message>
+        <source>Run whose images are listed</source>
+        <translation>Fahrt, deren Bilder aufgeführt sind</translation>
+    </message>
+    <message>
+        <source>Panorama or photo that stands beside the image</source>
+        <translation>Panorama oder Foto neben dem Bild</translation>
+    </message>
+    <message>
+        <source>Outlines of the tags found in the image; gray: excluded by the review</source>
+        <translation>Umrisse der im Bild gefundenen Marken; grau: bei der Durchsicht ausgeschlossen</translation>
+    </message>
+    <message>
+        <source>Points of the solution where the image shows them, with their reprojection errors (px) drawn ten times as long</source>
+        <translation>Punkte der Lösung, wo das Bild sie zeigt, mit ihren Rückprojektionsfehlern (px), zehnfach verlängert</translation>
+    </message>
+    <message>
+        <source>Matches with the panorama within 3 px of their epipolar lines</source>
+        <translation>Zuordnungen zum Panorama, höchstens 3 px von ihren Epipolarlinien</translation>
+    </message>
+    <message>
+        <source>Matches with the panorama farther than 3 px from their epipolar lines</source>
+        <translation>Zuordnungen zum Panorama, mehr als 3 px von ihren Epipolarlinien</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::MainWindow</name>
@@ -2681,10 +2777,6 @@
         <translation>Richtungswinkel (Grad)</translation>
     </message>
     <message>
-        <source>1 sigma behind each value: from the joint covariance of two cameras or panoramas of one run, or of two tags; other places are taken as independent (last column). Right click: save, clear.</source>
-        <translation>Hinter jedem Wert 1 Sigma: aus der gemeinsamen Kovarianz zweier Kameras oder Panoramen eines Laufs oder zweier Marken; andere Orte gelten als unabhängig (letzte Spalte). Rechtsklick: speichern, leeren.</translation>
-    </message>
-    <message>
         <source>sigmas</source>
         <translation>Sigmas</translation>
     </message>
@@ -2699,6 +2791,14 @@
     <message>
         <source>independent</source>
         <translation>unabhängig</translation>
+    </message>
+    <message>
+        <source>1 sigma behind each value: from the joint covariance of two cameras or panoramas of one run, or of two tags; other places are taken as independent (last column); points, paths and geotags have no sigma of their own. Right click: save, clear.</source>
+        <translation>1 Sigma hinter jedem Wert: aus der gemeinsamen Kovarianz zweier Kameras oder Panoramen einer Fahrt oder zweier Marken; andere Orte gelten als unabhängig (letzte Spalte); Punkte, Wege und Geotags haben kein eigenes Sigma. Rechtsklick: speichern, leeren.</translation>
+    </message>
+    <message>
+        <source>not known</source>
+        <translation>unbekannt</translation>
     </message>
 </context>
 <context>
@@ -2831,6 +2931,26 @@
         <source>Show the other %1</source>
         <translation>Die anderen %1 zeigen</translation>
     </message>
+    <message>
+        <source>localized</source>
+        <translation>lokalisiert</translation>
+    </message>
+    <message>
+        <source>&lt;b&gt;Answers&lt;/b&gt;, without a reference to compare them with. Below each the 1 sigma that it states, of its largest axis (%1), or why there is none.</source>
+        <translation>&lt;b&gt;Antworten&lt;/b&gt;, ohne Referenz zum Vergleich. Darunter je das angegebene 1 Sigma der größten Achse (%1), oder warum es keines gibt.</translation>
+    </message>
+    <message>
+        <source>Answers by panorama and run</source>
+        <translation>Antworten nach Panorama und Fahrt</translation>
+    </message>
+    <message>
+        <source>Checking what is up to date ...</source>
+        <translation>Es wird geprüft, was aktuell ist ...</translation>
+    </message>
+    <message>
+        <source>Running: %1</source>
+        <translation>Läuft: %1</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::PanoramaDesk</name>
@@ -2949,6 +3069,18 @@
     <message>
         <source>focal length as estimated (px)</source>
         <translation>geschätzte Brennweite (px)</translation>
+    </message>
+    <message>
+        <source>Panorama or photo set that is shown</source>
+        <translation>Angezeigtes Panorama oder angezeigter Fotosatz</translation>
+    </message>
+    <message>
+        <source>Which photos of a set match is drawn here.</source>
+        <translation>Hier wird gezeichnet, welche Fotos eines Satzes zusammenpassen.</translation>
+    </message>
+    <message>
+        <source>Open a project (Ctrl+O) to see its panoramas and photo sets.</source>
+        <translation>Ein Projekt öffnen (Strg+O), um seine Panoramen und Fotosätze zu sehen.</translation>
     </message>
 </context>
 <context>
@@ -3136,10 +3268,6 @@
         <translation>Höhe</translation>
     </message>
     <message>
-        <source>m</source>
-        <translation>m</translation>
-    </message>
-    <message>
         <source>Height of what is added next, site ENU</source>
         <translation>Höhe des nächsten Objekts, lokales ENU</translation>
     </message>
@@ -3258,10 +3386,6 @@
     <message>
         <source>Open a project, then draw its tags and paths here.</source>
         <translation>Ein Projekt öffnen, dann seine Marken und Wege hier zeichnen.</translation>
-    </message>
-    <message>
-        <source>site ENU, m, north up</source>
-        <translation>lokales ENU, m, Norden oben</translation>
     </message>
     <message>
         <source>; ellipses: predicted, 95 %, at true scale</source>
@@ -3398,6 +3522,34 @@
     <message>
         <source>by how much it makes that RMS smaller, per cent</source>
         <translation>um wie viel es diesen RMS verkleinert, Prozent</translation>
+    </message>
+    <message>
+        <source>draw %1</source>
+        <translation>%1 zeichnen</translation>
+    </message>
+    <message>
+        <source>change %1</source>
+        <translation>%1 ändern</translation>
+    </message>
+    <message>
+        <source>move %1</source>
+        <translation>%1 verschieben</translation>
+    </message>
+    <message>
+        <source>delete %1</source>
+        <translation>%1 löschen</translation>
+    </message>
+    <message>
+        <source>Redo</source>
+        <translation>Wiederholen</translation>
+    </message>
+    <message>
+        <source>The change of the sketch that was taken back last</source>
+        <translation>Die zuletzt zurückgenommene Änderung der Skizze</translation>
+    </message>
+    <message>
+        <source>site ENU, %1, north up</source>
+        <translation>ENU des Messgebiets, %1, Norden oben</translation>
     </message>
 </context>
 <context>
@@ -3992,6 +4144,82 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <source>The results at stations and check points are still those of before.</source>
         <translation>Die Ergebnisse an Stationen und Kontrollpunkten sind noch die von vorher.</translation>
     </message>
+    <message>
+        <source>What the decision is about; what is selected on any desk is entered here</source>
+        <translation>Worum es bei der Entscheidung geht; was auf irgendeinem Tisch gewählt ist, steht hier</translation>
+    </message>
+    <message>
+        <source>Why; kept with the decision in review.jsonl</source>
+        <translation>Warum; wird mit der Entscheidung in review.jsonl gespeichert</translation>
+    </message>
+    <message>
+        <source>Who decides; kept with the decision. Empty: the name of your login</source>
+        <translation>Wer entscheidet; wird mit der Entscheidung gespeichert. Leer: der Anmeldename</translation>
+    </message>
+    <message>
+        <source>Variant whose results are made anew and compared</source>
+        <translation>Variante, deren Ergebnisse neu gerechnet und verglichen werden</translation>
+    </message>
+    <message>
+        <source>number of the decision in review.jsonl</source>
+        <translation>Nummer der Entscheidung in review.jsonl</translation>
+    </message>
+    <message>
+        <source>when it was decided, UTC</source>
+        <translation>wann entschieden wurde, UTC</translation>
+    </message>
+    <message>
+        <source>who decided</source>
+        <translation>wer entschieden hat</translation>
+    </message>
+    <message>
+        <source>exclude, restore, role or undo</source>
+        <translation>exclude (ausschließen), restore (wieder aufnehmen), role (Rolle) oder undo (zurücknehmen)</translation>
+    </message>
+    <message>
+        <source>what it is about</source>
+        <translation>worum es geht</translation>
+    </message>
+    <message>
+        <source>why; gray rows are no longer in force</source>
+        <translation>warum; graue Zeilen gelten nicht mehr</translation>
+    </message>
+    <message>
+        <source>what the answers are compared with</source>
+        <translation>womit die Antworten verglichen werden</translation>
+    </message>
+    <message>
+        <source>how the answer was made: panorama (G2) or view (G1)</source>
+        <translation>wie die Antwort entstand: Panorama (G2) oder Ansicht (G1)</translation>
+    </message>
+    <message>
+        <source>run that the panorama was localized against</source>
+        <translation>Lauf, in dem das Panorama lokalisiert wurde</translation>
+    </message>
+    <message>
+        <source>station or check point</source>
+        <translation>Station oder Kontrollpunkt</translation>
+    </message>
+    <message>
+        <source>3D error before the decisions</source>
+        <translation>3D-Fehler vor den Entscheidungen</translation>
+    </message>
+    <message>
+        <source>3D error after re-solving</source>
+        <translation>3D-Fehler nach dem neuen Lösen</translation>
+    </message>
+    <message>
+        <source>localized, refused, no match or no reference: before the decisions</source>
+        <translation>lokalisiert, abgelehnt, nicht zugeordnet oder ohne Referenz: vor den Entscheidungen</translation>
+    </message>
+    <message>
+        <source>localized, refused, no match or no reference: after re-solving</source>
+        <translation>lokalisiert, abgelehnt, nicht zugeordnet oder ohne Referenz: nach dem neuen Lösen</translation>
+    </message>
+    <message>
+        <source>Open a project (Ctrl+O) to exclude and restore what its results rest on.</source>
+        <translation>Ein Projekt öffnen (Strg+O), um auszuschließen und wieder aufzunehmen, worauf seine Ergebnisse beruhen.</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::RunDesk</name>
@@ -4190,6 +4418,38 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     <message>
         <source>; of all at least %1</source>
         <translation>; von allen mindestens %1</translation>
+    </message>
+    <message>
+        <source>Those that are ticked are run; all ticked: also runs that are added later</source>
+        <translation>Die angekreuzten werden gerechnet; alle angekreuzt: auch später hinzugefügte Fahrten</translation>
+    </message>
+    <message>
+        <source>What is made: one stage, or all that is out of date</source>
+        <translation>Was gerechnet wird: eine Stufe oder alles, was nicht aktuell ist</translation>
+    </message>
+    <message>
+        <source>How many threads compute; 0: one for each core. The results do not depend on it</source>
+        <translation>Wie viele Threads rechnen; 0: je Kern einer. Die Ergebnisse hängen nicht davon ab</translation>
+    </message>
+    <message>
+        <source>Where random numbers begin. Another seed makes every result anew</source>
+        <translation>Womit Zufallszahlen beginnen. Ein anderer Startwert rechnet jedes Ergebnis neu</translation>
+    </message>
+    <message>
+        <source>stage, and the run, photo set or variant that it is made for</source>
+        <translation>Stufe, und die Fahrt, der Fotosatz oder die Variante, für die sie gerechnet wird</translation>
+    </message>
+    <message>
+        <source>done, out of date, failed, running, missing, or not needed</source>
+        <translation>fertig, nicht aktuell, fehlgeschlagen, läuft, fehlt oder nicht nötig</translation>
+    </message>
+    <message>
+        <source>main number of the result; lengths in metres</source>
+        <translation>wichtigste Zahl des Ergebnisses; Längen in Metern</translation>
+    </message>
+    <message>
+        <source>seconds that it took the last time</source>
+        <translation>Sekunden, die es beim letzten Mal dauerte</translation>
     </message>
 </context>
 <context>
@@ -4606,6 +4866,22 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <source>%1 from %2 to %3</source>
         <translation>%1 von %2 nach %3</translation>
     </message>
+    <message>
+        <source>reference</source>
+        <translation>Referenz</translation>
+    </message>
+    <message>
+        <source>Save m&amp;easurements ...</source>
+        <translation>M&amp;essungen speichern ...</translation>
+    </message>
+    <message>
+        <source>The list of measurements with their sigmas, as CSV</source>
+        <translation>Die Liste der Messungen mit ihren Sigmas, als CSV</translation>
+    </message>
+    <message>
+        <source>Open a project (Ctrl+O): its scene is drawn here.</source>
+        <translation>Ein Projekt öffnen (Strg+O): seine Szene wird hier gezeichnet.</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::ServicesDialog</name>
@@ -5013,8 +5289,36 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <translation>keine</translation>
     </message>
     <message>
-        <source>No answer of it is evaluated: run localize, then evaluate.</source>
-        <translation>Keine Antwort davon ist ausgewertet: localize rechnen, dann evaluate.</translation>
+        <source>localized</source>
+        <translation>lokalisiert</translation>
+    </message>
+    <message>
+        <source> (largest axis)</source>
+        <translation> (größte Achse)</translation>
+    </message>
+    <message>
+        <source>Results: %1.</source>
+        <translation>Ergebnisse: %1.</translation>
+    </message>
+    <message>
+        <source>the first ones</source>
+        <translation>die ersten</translation>
+    </message>
+    <message>
+        <source>variant %1</source>
+        <translation>Variante %1</translation>
+    </message>
+    <message>
+        <source>No run answers it: run localize.</source>
+        <translation>Keine Fahrt beantwortet sie: localize ausführen.</translation>
+    </message>
+    <message>
+        <source>There is no reference to compare its answers with.</source>
+        <translation>Es gibt keine Referenz, mit der ihre Antworten verglichen werden.</translation>
+    </message>
+    <message>
+        <source>Its answers are not compared yet: run evaluate.</source>
+        <translation>Ihre Antworten sind noch nicht verglichen: evaluate ausführen.</translation>
     </message>
 </context>
 <context>
