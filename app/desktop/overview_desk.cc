@@ -27,6 +27,7 @@
 #include "app/desktop/overview.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/tolerance.h"
+#include "eval/text/method_name.h"
 
 namespace trigpoint {
 
