@@ -278,6 +278,7 @@ class PanoramaImport {
 
   ImportReport Finish(size_t records) {
     SaveTable();
+    report_.kept = table_.kept();
     report_.files.insert(report_.files.end(), tables_.begin(), tables_.end());
     report_.warnings = provider_.Warnings();
     report_.warnings.insert(report_.warnings.end(), skipped_.begin(), skipped_.end());
