@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "app/pipeline/command_line.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/export/crs.h"
@@ -78,7 +79,7 @@ std::vector<std::string> LocalizedRuns(const Project& project, const ExportReque
 void RequireAsWritten(const Project& project, const std::string& stage, const StageTarget& target) {
   const std::string name = ResultName(StageNamed(stage), target);
   const fs::path dir = project.ResultDir(stage, name);
-  const std::string again = "; run the stage again: trigpoint " + stage + " " + project.dir().string() +
+  const std::string again = "; run the stage again: trigpoint " + stage + " " + ShellWord(project.dir().string()) +
                             (target.run.empty() ? "" : " --run " + target.run) +
                             (target.variant.empty() ? "" : " --variant " + target.variant);
   if (HasDamagedManifest(project, stage, name)) {

@@ -295,10 +295,10 @@ class PanoramaImport {
                       provider_.Name(), Counted(widened_, "wider picture")));
     }
     if (ends_s_ != std::numeric_limits<int64_t>::max()) {
-      report_.warnings.push_back(
-          fmt::format("{}: its terms forbid to keep pictures and positions: they count until {}, and the "
-                      "next command after it deletes them; no report, export or release holds one of the pictures",
-                      provider_.Name(), UtcOfSeconds(ends_s_)));
+      report_.warnings.push_back(fmt::format(
+          "{}: its terms forbid to keep pictures and positions: they count until {}, and the "
+          "next run or import after it deletes them; no report, export or release holds one of the pictures",
+          provider_.Name(), UtcOfSeconds(ends_s_)));
     }
     return report_;
   }

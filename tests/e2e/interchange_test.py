@@ -346,9 +346,8 @@ class Interchange(unittest.TestCase):
     def test_results_that_are_not_as_written_are_not_exported(self):
         site = self.out("changed site")
         shutil.copytree(self.site, site)
-        for stage, name, file, fmt in (("survey", "", "tags.csv", "wpilib"), ("survey", "", "tags.csv", "csv"), ("localize", "run1", "cameras.tum", "kml"),
-                                       ("localize", "run1", "cameras.tum", "tum")):
-            result = f"{site}/results/{stage}/{name}".rstrip("/")
+        stage, file, result = "localize", "cameras.tum", f"{site}/results/localize/run1"
+        for fmt in ("csv", "geojson", "tum"):
             with open(f"{result}/{file}", "rb") as data:
                 written = data.read()
             write(f"{result}/manifest.json", json.dumps({"schema": 1, "stage": stage, "status": "done", "files": {file: hashlib.sha256(written).hexdigest()}}))
@@ -357,7 +356,7 @@ class Interchange(unittest.TestCase):
                 data.write(written.replace(b"1", b"5", 1))
             refused = trigpoint("export", site, "--to", fmt, "--out", f"{site}/maps/bad_{fmt}", expect=1)
             self.assertIn(f"{result}/{file}: expected what the stage wrote, found another content", refused.stderr)
-            self.assertIn(f"trigpoint {stage} ", refused.stderr)
+            self.assertIn(f"trigpoint localize '{site}' --run run1", refused.stderr)
             self.assertFalse([left for left in os.listdir(f"{site}/maps") if left.startswith("bad")])
             with open(f"{result}/{file}", "wb") as data:
                 data.write(written)
