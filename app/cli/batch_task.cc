@@ -59,7 +59,7 @@ JobAttempt RunIt(const Session& session, const BatchPlan& plan, const fs::path& 
   const BatchTask& task = plan.tasks[number];
   std::vector<TaskRecord> records(plan.tasks.size());
   for (const size_t need : task.needs) records[need] = ReadTaskRecord(folder, need);
-  const Project project = Project::Open(task.dir);
+  const Project project = Project::OpenToCompute(task.dir);
   const Job job = JobOf(task);
   if (const auto decided = EndWithoutRunning(project, job, NeededResults(plan, records, number))) return {*decided};
   Terminal terminal = session.MakeTerminal();

@@ -98,7 +98,7 @@ Ending CalibrationEnding(const StageOutcome& outcome, const std::string& name, c
 int Calibrate(Session& session, const Arguments& arguments) {
   CheckVariantName(arguments.name);
   MakeBareProject(arguments.dir, "calibrate");
-  const Project project = OpenProject(session, arguments.dir);
+  const Project project = OpenProjectToCompute(session, arguments.dir);
   const StageInfo& stage = StageNamed("calibrate");
   StageRequest request = stage.make(project, TargetOf(project, arguments));
   request.stage = stage.name;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "datasets/io/readable.h"
 #include "datasets/project/files.h"
 #include "datasets/project/yaml_json.h"
 
@@ -79,8 +80,9 @@ CLI::App& AddCommand(CLI::App& app, Session& session, const std::string& name, c
   return command;
 }
 
-Project OpenProject(const Session& session, const std::string& dir) {
-  Project project = Project::Open(dir);
+namespace {
+
+Project Checked(const Session& session, Project project) {
   CheckProjectOptions(project);
   Terminal terminal = session.MakeTerminal();
   for (const std::string& warning : project.warnings()) terminal.Log(LogLevel::kWarning, warning);
@@ -88,6 +90,23 @@ Project OpenProject(const Session& session, const std::string& dir) {
     for (const std::string& warning : run.warnings) terminal.Log(LogLevel::kWarning, warning);
   }
   return project;
+}
+
+}  // namespace
+
+Project OpenProject(const Session& session, const std::string& dir) { return Checked(session, Project::Open(dir)); }
+
+Project OpenProjectToCompute(const Session& session, const std::string& dir) {
+  return Checked(session, Project::OpenToCompute(dir));
+}
+
+void ShowChange(const std::filesystem::path& kept, const std::vector<std::string>& added, Ending* ending) {
+  constexpr size_t kShown = 3;
+  for (size_t i = 0; i < std::min(added.size(), kShown); ++i) ending->Fact("Added", Excerpt(added[i]));
+  if (added.size() > kShown) {
+    ending->Fact("Added", Counted(static_cast<int64_t>(added.size() - kShown), "more line", "more lines"));
+  }
+  ending->Look("Old file", kept);
 }
 
 nlohmann::json ParseOverrides(const std::vector<std::string>& settings, const std::string& default_stage) {

@@ -75,6 +75,11 @@ std::string MetricText(const nlohmann::json& metrics, const std::string& name, c
 
 // Opens a project, checks its options, and shows its warnings.
 Project OpenProject(const Session& session, const std::string& dir);
+// The same for a command that computes: Project::OpenToCompute.
+Project OpenProjectToCompute(const Session& session, const std::string& dir);
+
+// An input file that a command added lines to: these (the first few), and where the file as it was is kept.
+void ShowChange(const std::filesystem::path& kept, const std::vector<std::string>& added, Ending* ending);
 
 // "[stage.]option=value" of --set into {stage: {option: value}}; throws OptionError. Names without a stage of their own
 // belong to `stage`; empty: they need one.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "app/cli/interchange_commands.h"
@@ -14,6 +15,7 @@
 #include "datasets/import/providers/services.h"
 #include "datasets/import/run_track.h"
 #include "datasets/io/capture_date.h"
+#include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/tag_layout.h"
 #include "datasets/io/text.h"
@@ -211,6 +213,18 @@ int List(Session& session, const Arguments& a, const std::string& as, const Serv
   return 0;
 }
 
+// Rows of panoramas.csv that are not in its earlier copy.
+std::vector<std::string> AddedPanoramas(const fs::path& kept, const fs::path& table) {
+  const CsvTable before = CsvTable::Read(kept, {"file"}), now = CsvTable::Read(table, {"file"});
+  std::set<std::string> known;
+  for (const CsvRow& row : before.rows()) known.insert(row.Text("file"));
+  std::vector<std::string> added;
+  for (const CsvRow& row : now.rows()) {
+    if (known.count(row.Text("file")) == 0) added.push_back("row of " + row.Text("file") + " in panoramas.csv");
+  }
+  return added;
+}
+
 // `--from stac --url FILE` is `--from FILE --as stac`.
 Arguments WithStacFile(Arguments a) {
   if (a.from != "stac" || fs::exists(a.from)) return a;
@@ -253,12 +267,16 @@ int TakeIn(Session& session, const Arguments& given) {
   nlohmann::json files = nlohmann::json::array();
   for (const std::string& line : report.lines) ending.Fact("Contents", line);
   for (const fs::path& file : report.files) files.push_back(file.string());
+  if (!report.kept.empty()) {
+    ShowChange(report.kept, AddedPanoramas(report.kept, fs::path(a.dir) / "panoramas.csv"), &ending);
+  }
   session.End(ending.Next("trigpoint init " + ShellWord(a.dir)));
   session.PrintJson({{"command", "import"},
                      {"ok", true},
                      {"as", as},
                      {"files", files},
                      {"contents", report.lines},
+                     {"kept", report.kept.string()},
                      {"warnings", report.warnings}});
   return 0;
 }

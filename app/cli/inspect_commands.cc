@@ -6,10 +6,13 @@
 #include "app/cli/command.h"
 #include "app/pipeline/inspect.h"
 #include "app/pipeline/marking.h"
+#include "datasets/io/kept_input.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
 namespace {
+
+namespace fs = std::filesystem;
 
 nlohmann::json Pixel(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
 
@@ -91,11 +94,12 @@ Eigen::Vector2d ParsePixel(const std::string& text) {
 
 int Mark(const Session& session, const MarkArguments& a) {
   const Project project = OpenProject(session, a.dir);
+  fs::path kept;
   if (a.remove) {
-    RemovePointMark(project, a.point, a.image);
+    RemovePointMark(project, a.point, a.image, &kept);
   } else if (!a.image.empty()) {
     if (a.at.empty()) throw OptionError("mark: expected --at U,V beside --image");
-    SavePointMark(project, a.point, a.image, ParsePixel(a.at));
+    SavePointMark(project, a.point, a.image, ParsePixel(a.at), &kept);
   }
   nlohmann::json json = {{"command", "mark"}, {"ok", true}, {"point", a.point}};
   Ending ending("");
@@ -126,6 +130,11 @@ int Mark(const Session& session, const MarkArguments& a) {
     if (a.image.empty()) throw;
     ending.Headline(std::string("Saved. ") + e.what());  // the first mark of a point
     json["predicted"] = nullptr;
+  }
+  if (!kept.empty()) {
+    const fs::path table = project.dir() / "control_observations.csv";
+    ShowChange(kept, AddedLines(kept, table), &ending);
+    json["kept"] = kept.string();
   }
   session.End(ending);
   session.PrintJson(json);

@@ -20,7 +20,10 @@ double AgeSeconds(const nlohmann::json& manifest) {
 
 int Init(const Session& session, const std::string& dir) {
   const InitReport report = Project::Init(dir);
-  Ending ending(report.created ? "Wrote " + ShownPath(report.file) : ShownPath(report.file) + " was there and is kept");
+  Ending ending(report.created         ? "Wrote " + ShownPath(report.file)
+                : report.added.empty() ? ShownPath(report.file) + " was there and is kept"
+                                       : "Added runs to " + ShownPath(report.file));
+  if (!report.kept.empty()) ShowChange(report.kept, report.added, &ending);
   for (const std::string& line : report.found) ending.Fact("Found", line);
   for (const std::string& line : report.missing) ending.Problem("Missing", line);
   for (const std::string& line : report.warnings) ending.Problem("Warning", line);
@@ -29,6 +32,8 @@ int Init(const Session& session, const std::string& dir) {
                      {"ok", true},
                      {"file", report.file.string()},
                      {"created", report.created},
+                     {"kept", report.kept.string()},
+                     {"added", report.added},
                      {"found", report.found},
                      {"missing", report.missing},
                      {"warnings", report.warnings}});
@@ -104,8 +109,8 @@ int Status(const Session& session, const std::string& dir) {
 void AddInitCommand(CLI::App& app, Session& session) {
   CLI::App& command =
       AddCommand(app, session, "init", "look at a folder, write trigpoint.yaml, list what is there and what is missing",
-                 "A trigpoint.yaml that is there is kept; runs it does not list yet are added to it.\n"
-                 "Nothing but trigpoint.yaml is written, and the files you brought are never changed.\n\n"
+                 "A trigpoint.yaml that is there is kept; runs it does not list yet are added to it, and the file as\n"
+                 "it was goes to results/replaced/. The other files you brought are never changed.\n\n"
                  "Example:\n  trigpoint init my_site");
   const auto dir = std::make_shared<std::string>();
   command.add_option("DIR", *dir, "your folder: runs/<run>/, panoramas.csv, stations.csv, ...")->required();
@@ -164,7 +169,7 @@ void AddRunCommand(CLI::App& app, Session& session) {
   command.callback([&session, dir, arguments] {
     session.action = [dir, arguments](Session& s) {
       ParseOverrides(arguments->settings, "");  // a mistake there is said before the project is read
-      const Project project = OpenProject(s, *dir);
+      const Project project = OpenProjectToCompute(s, *dir);
       return RunAndReport(s, "run", project, JobsOf(project, *arguments));
     };
   });

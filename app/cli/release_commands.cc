@@ -120,7 +120,7 @@ void AddPublishCommand(CLI::App& app, Session& session) {
   command.callback([&session, &command, arguments] {
     if (command.count("--sign") > 0) arguments->options.sign = arguments->key;
     session.action = [arguments](Session& s) {
-      const Project project = OpenProject(s, arguments->dir);
+      const Project project = OpenProjectToCompute(s, arguments->dir);
       const Release release = Publish(project, arguments->options, *s.cancel);
       const std::string dir = ShellWord(ShownPath(project.dir())), name = release.dir.filename().string();
       s.End(Ending(fmt::format("Published {}: {}, a map of {}, {}", name,

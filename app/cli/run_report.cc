@@ -10,14 +10,33 @@
 #include "app/cli/run_command.h"
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/gates_stage.h"
+#include "datasets/io/csv.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/site_inputs.h"
+#include "datasets/io/survey_tables.h"
 #include "datasets/project/files.h"
 
 namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Why no measured distance took part in a survey; "" if one did, or none is there.
+std::string UnusedDistances(const Project& project, const fs::path& survey) {
+  const fs::path file = project.dir() / "distances.csv", table = survey / "distances.csv";
+  std::vector<std::string> ignored;
+  try {
+    if (!fs::exists(file) || !fs::exists(table) || !CsvTable::Read(table, {"from", "to"}).rows().empty()) return "";
+    const size_t rows = ReadDistances(file, &ignored).size();
+    return rows == 0 ? ""
+                     : fmt::format(
+                           "{}: expected a distance between two tags of the map, found none in {}; nothing of "
+                           "this file is used",
+                           file.string(), Counted(static_cast<int64_t>(rows), "row", "rows"));
+  } catch (const InputError&) {
+    return "";  // the reader of tables names it
+  }
+}
 
 // What was given and led to nothing: tables without a usable row, references of which none is localized.
 std::vector<std::string> GivenForNothing(const Project& project, const std::vector<JobResult>& results) {
@@ -30,13 +49,16 @@ std::vector<std::string> GivenForNothing(const Project& project, const std::vect
     reads_tables = reads_tables || (stage != "features" && stage != "reconstruct" && stage != "detect" &&
                                     stage != "calibrate" && stage != "stitch");
     const bool there = result.end == JobEnd::kComputed || result.end == JobEnd::kUpToDate;
+    if (stage == "survey" && there) {
+      if (const std::string why = UnusedDistances(project, result.outcome.dir); !why.empty()) problems.push_back(why);
+    }
     if (stage != "localize" || !there) continue;
     references += result.outcome.manifest["metrics"].value("references", int64_t{0});
     localized += result.outcome.manifest["metrics"].value("localized", int64_t{0});
     if (size.empty()) size = result.outcome.manifest["metrics"].value("size", "");
   }
   if (reads_tables) {
-    for (const std::string& why : UnusedTables(project.dir()))
+    for (const std::string& why : UnusedTables(project.dir(), project.RunNames()))
       problems.push_back(why + "; nothing of this file is used");
   }
   if (references > 0 && localized == 0) {

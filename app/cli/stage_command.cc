@@ -106,7 +106,7 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
         query.variants = {"paper"};
       }
       if (!query.variants.front().empty()) CheckVariantName(query.variants.front());
-      const Project project = OpenProject(s, arguments->dir);
+      const Project project = OpenProjectToCompute(s, arguments->dir);
       const std::vector<Job> jobs = PlanJobs(project, query);
       if (std::none_of(jobs.begin(), jobs.end(), [&](const Job& job) { return job.stage == &stage; })) {
         throw InputError(arguments->dir + ": there is no run, so there is nothing for `" + CommandOf(stage) +

@@ -43,7 +43,7 @@ void AddStitchCommand(CLI::App& app, Session& session) {
         (text.find('=') == std::string::npos ? sets : settings).push_back(text);
       }
       const nlohmann::json overrides = ParseOverrides(settings, "stitch");
-      const Project project = OpenProject(s, arguments->dir);
+      const Project project = OpenProjectToCompute(s, arguments->dir);
       const std::vector<Job> jobs = StitchJobs(project, sets, overrides);
       if (jobs.empty()) {
         throw InputError(project.dir().string() +

@@ -75,7 +75,7 @@ Ending Work(JobController* controller, const std::string& dir, const JobQuery& q
                               QString::fromStdString(result.reason));
   };
   try {
-    const Project project = Project::Open(dir);
+    const Project project = Project::OpenToCompute(dir);
     CheckProjectOptions(project);
     for (const JobResult& result :
          RunJobs(project, AskedJobs(project, query), threads, seed, sink, cancel, callbacks)) {

@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "app/pipeline/command_line.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/export/crs.h"
@@ -20,6 +21,7 @@
 #include "datasets/io/tag_layout.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/manifest.h"
 #include "datasets/project/outputs.h"
 #include "eval/errors/results.h"
 
@@ -37,6 +39,8 @@ bool IsLayout(const std::string& format) { return format == "wpilib" || format =
 bool IsMap(const std::string& format) {
   return format == "gpkg" || format == "geojson" || format == "kml" || format == "gpx" || format == "csv";
 }
+
+bool IsScene(const std::string& format) { return format == "colmap" || format == "ply" || format == "g2o"; }
 
 const ExportFormat& FormatNamed(const std::string& name) {
   std::vector<std::string> names;
@@ -69,6 +73,40 @@ std::vector<std::string> LocalizedRuns(const Project& project, const ExportReque
     throw InputError(project.dir().string() + ": nothing to export" + why);
   }
   return runs;
+}
+
+// Throws InputError if a result that is there is not what its stage wrote, by the hashes of its manifest.
+void RequireAsWritten(const Project& project, const std::string& stage, const StageTarget& target) {
+  const std::string name = ResultName(StageNamed(stage), target);
+  const fs::path dir = project.ResultDir(stage, name);
+  const std::string again = "; run the stage again: trigpoint " + stage + " " + ShellWord(project.dir().string()) +
+                            (target.run.empty() ? "" : " --run " + target.run) +
+                            (target.variant.empty() ? "" : " --variant " + target.variant);
+  if (HasDamagedManifest(project, stage, name)) {
+    throw InputError((dir / "manifest.json").string() + ": expected what the stage wrote, found a damaged file" +
+                     again);
+  }
+  const std::optional<nlohmann::json> manifest = ReadManifest(project, stage, name);
+  const nlohmann::json files = manifest ? manifest->value("files", nlohmann::json::object()) : nlohmann::json();
+  for (const auto& [file, hash] : files.items()) {
+    std::error_code ignored;
+    const bool there = fs::is_regular_file(dir / file, ignored);
+    if (there && hash == project.hashes().Of(dir / file)) continue;
+    throw InputError((dir / file).string() + ": expected what the stage wrote, found " +
+                     (there ? "another content (by the SHA-256 in manifest.json)" : "no such file") + again);
+  }
+}
+
+// Of everything that an export reads.
+void RequireResultsAsWritten(const Project& project, const ExportRequest& request) {
+  const nlohmann::json none = nlohmann::json::object();
+  if (IsMap(request.to) || IsLayout(request.to)) RequireAsWritten(project, "survey", {"", request.variant, none});
+  if (IsMap(request.to)) RequireAsWritten(project, "evaluate", {"", request.variant, none});
+  if (IsLayout(request.to) || request.to == "kalibr") return;
+  for (const std::string& run : request.runs.empty() ? project.RunNames() : request.runs) {
+    RequireAsWritten(project, "localize", {run, request.variant, none});
+    if (IsScene(request.to)) RequireAsWritten(project, "features", {run, "", none});
+  }
 }
 
 // A trajectory of a run as localized.
@@ -336,7 +374,12 @@ ExportReport ExportResults(const Project& project, const ExportRequest& asked, P
     if (place.has_extension()) RequireOutputPlace(place);
     place = WithEnding(place, ending);
   }
-  RequireOutputPlace(one_file ? place : place / "x");
+  if (!one_file) {  // by its own name, whatever links lead there
+    place = fs::weakly_canonical(place);
+    if (!place.has_filename()) place = place.parent_path();
+  }
+  RequireOutputPlace(place);
+  RequireResultsAsWritten(project, request);
   OutputFiles output(one_file ? place.parent_path() : place, request.force);
   request.out = one_file ? output.staging() / place.filename() : output.staging();
   ExportReport report;

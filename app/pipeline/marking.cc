@@ -4,7 +4,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
@@ -13,6 +12,7 @@
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/lock.h"
+#include "datasets/project/replaced.h"
 #include "eval/errors/results.h"
 
 namespace trigpoint {
@@ -58,29 +58,6 @@ bool IsMarkOf(const CsvRow& row, const std::string& point, const std::string& im
   return row.Text("point") == point && row.Text("image") == image;
 }
 
-// The text of the table without the marks of a point in an image; all other lines stay as the user wrote them.
-std::string WithoutMark(const std::string& text, const CsvTable& table, const std::string& point,
-                        const std::string& image) {
-  std::set<int> out;
-  for (const CsvRow& row : table.rows()) {
-    if (!IsMarkOf(row, point, image)) continue;
-    int line = row.line();
-    out.insert(line);
-    for (const std::string& column : table.columns()) {  // a quoted cell may go on in the next lines
-      const std::string& cell = row.Text(column);
-      for (auto ends = std::count(cell.begin(), cell.end(), '\n'); ends > 0; --ends) out.insert(++line);
-    }
-  }
-  std::string kept;
-  int line = 0;
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find('\n', at), text.size() - 1) + 1;
-    if (out.count(++line) == 0) kept += text.substr(at, end - at);
-    at = end;
-  }
-  return kept;
-}
-
 std::string MarkLine(const std::vector<std::string>& columns, const PointMark& mark) {
   CsvWriter csv(columns);
   const size_t header = csv.text().size();
@@ -107,9 +84,10 @@ void RequireCommas(const fs::path& file, const std::string& text) {
                    "'; marks are added to a table with commas and decimal points alone: save it so first");
 }
 
-// Takes the marks of a point in an image out of control_observations.csv and adds one. Where one was taken out, the
-// file as it was is kept in results/replaced/. Returns whether one was.
-bool EditMarks(const Project& project, const std::string& point, const std::string& image, const PointMark* added) {
+// Takes the marks of a point in an image out of control_observations.csv and adds one. The file as it was is kept in
+// results/replaced/; returns that copy in `kept`, and whether one was taken out.
+bool EditMarks(const Project& project, const std::string& point, const std::string& image, const PointMark* added,
+               fs::path* kept) {
   const fs::path file = FileOf(project);
   const InputLock lock(project.results());
   if (!fs::exists(file)) {
@@ -121,17 +99,14 @@ bool EditMarks(const Project& project, const std::string& point, const std::stri
   const CsvTable table = CsvTable::Read(file, kMarkColumns);
   const bool there = std::any_of(table.rows().begin(), table.rows().end(),
                                  [&](const CsvRow& row) { return IsMarkOf(row, point, image); });
-  const std::string old = ReadTextFile(file);
-  RequireCommas(file, old);
-  std::string text = there ? WithoutMark(old, table, point, image) : old;
+  RequireCommas(file, ReadTextFile(file));
+  std::string text = table.TextWithout([&](const CsvRow& row) { return IsMarkOf(row, point, image); });
   if (added != nullptr) {
     if (!text.empty() && text.back() != '\n') text += '\n';
     text += MarkLine(table.columns(), *added);
   }
-  if (there) {
-    WriteFileAtomically(project.results() / "replaced" / (UtcTimeText() + "-" + file.filename().string()), old);
-  }
-  if (text != old) WriteFileAtomically(file, text);
+  const fs::path old = ReplaceInputFile(project.dir(), file.filename().string(), text);
+  if (kept != nullptr) *kept = old;
   return there;
 }
 
@@ -211,7 +186,7 @@ std::vector<PointMark> ReadPointMarks(const Project& project) {
 }
 
 PointMark SavePointMark(const Project& project, const std::string& point, const std::string& image,
-                        const Eigen::Vector2d& pixel) {
+                        const Eigen::Vector2d& pixel, fs::path* kept) {
   if (Trim(point).empty()) throw InputError("a mark needs the name of its point");
   const NamedImage named = FindImage(project, image);
   const auto camera = static_cast<size_t>(named.entry->camera);
@@ -220,13 +195,13 @@ PointMark SavePointMark(const Project& project, const std::string& point, const 
     throw InputError(named.image + ": the mark lies outside the image");
   }
   const PointMark mark{std::string(Trim(point)), named.image, pixel};
-  EditMarks(project, mark.point, mark.image, &mark);
+  EditMarks(project, mark.point, mark.image, &mark, kept);
   return mark;
 }
 
-void RemovePointMark(const Project& project, const std::string& point, const std::string& image) {
+void RemovePointMark(const Project& project, const std::string& point, const std::string& image, fs::path* kept) {
   const NamedImage named = FindImage(project, image);
-  if (!EditMarks(project, point, named.image, nullptr)) {
+  if (!EditMarks(project, point, named.image, nullptr, kept)) {
     throw InputError(FileOf(project).string() + ": point '" + point + "' is not marked in " + named.image);
   }
 }

@@ -97,6 +97,27 @@ class LooseMap {
   YAML::Node node_;
 };
 
+// R and T of a stereo pair. Throws InputError for what no pair has.
+Rigid3d StereoTransform(const fs::path& file, const std::vector<double>& r, const std::vector<double>& t) {
+  constexpr double kLongest_m = 10;
+  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+  m.topLeftCorner<3, 3>() = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(r.data());
+  m.topRightCorner<3, 1>() = Eigen::Map<const Eigen::Vector3d>(t.data());
+  Rigid3d second_from_first;
+  try {
+    second_from_first = RigidFromMatrix(m);
+  } catch (const InputError& e) {
+    throw InputError(file.string() + ": key 'R': " + e.what());
+  }
+  if (const double length = second_from_first.translation.norm(); length > kLongest_m) {
+    throw InputError(
+        fmt::format("{}: key 'T': expected metres and a baseline of at most {} m, found one of {:.4g}; if "
+                    "it is in millimetres, divide T by 1000",
+                    file.string(), kLongest_m, length));
+  }
+  return second_from_first;
+}
+
 CameraFile ReadMapOfCameras(const fs::path& file, const YAML::Node& node, int width, int height) {
   if (!node.IsMap()) throw InputError(file.string() + ": expected a camera calibration, found no map");
   CameraFile result;
@@ -124,8 +145,7 @@ CameraFile ReadMapOfCameras(const fs::path& file, const YAML::Node& node, int wi
         Named("cam1", OpenCvCamera(file.string(), map.Numbers({"M2"}), map.Numbers({"D2"}), model, width, height)));
     const std::vector<double> r = map.Numbers({"R"}), t = map.Numbers({"T"});
     if (r.size() == 9 && t.size() == 3) {
-      const Eigen::Matrix3d rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(r.data());
-      result.cameras[1].cam_from_body = {Eigen::Quaterniond(rotation), Eigen::Vector3d(t[0], t[1], t[2])};
+      result.cameras[1].cam_from_body = StereoTransform(file, r, t);
       result.related = true;
     }
     return result;

@@ -13,6 +13,7 @@
 #include "datasets/colmap/database_cameras.h"
 #include "datasets/import/made_files.h"
 #include "datasets/import/run_folder.h"
+#include "datasets/import/source_links.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/readable.h"
@@ -41,6 +42,7 @@ void CheckImages(const std::vector<std::string>& names, const fs::path& images) 
       throw InputError("the model names an image '" + Excerpt(name) +
                        "'; expected names below the folder of --images, without ..");
     }
+    RequireInside(images, images / name);
     if (!fs::is_regular_file(images / name, error)) {
       if (missing++ == 0) first = name;
     }

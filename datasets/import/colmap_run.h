@@ -15,6 +15,7 @@ struct ImportReport {
   std::vector<std::filesystem::path> files;
   std::vector<std::string> lines;
   std::vector<std::string> warnings;
+  std::filesystem::path kept;  // panoramas.csv as it was, where rows were added to one that was there
 };
 
 struct ColmapRunOptions {

@@ -13,10 +13,12 @@
 #include "calib/base/error.h"
 #include "datasets/calibration/camera_files.h"
 #include "datasets/import/run_folder.h"
+#include "datasets/import/source_links.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/gopro_gps.h"
 #include "datasets/io/lines.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
 #include "datasets/io/yaml.h"
@@ -76,9 +78,12 @@ BodyCamera EurocCamera(const fs::path& file, const std::string& name) {
   camera.camera =
       OpenCvCamera(file.string(), {f[0], 0, f[2], 0, f[1], f[3], 0, 0, 1}, map.Numbers("distortion_coefficients"),
                    model, static_cast<int>(size[0]), static_cast<int>(size[1]));
-  const Eigen::Matrix4d body_from_cam = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(t.data());
-  camera.cam_from_body =
-      Rigid3d(Eigen::Quaterniond(body_from_cam.topLeftCorner<3, 3>()), body_from_cam.topRightCorner<3, 1>()).Inverse();
+  try {
+    camera.cam_from_body =
+        RigidFromMatrix(Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(t.data())).Inverse();
+  } catch (const InputError& e) {
+    map.Fail("T_BS", e.what());
+  }
   camera.has_extrinsics = true;
   return camera;
 }
@@ -123,11 +128,21 @@ Dataset ReadTumRgbd(const fs::path& folder) {
 std::map<std::string, std::vector<double>> ReadProjections(const fs::path& file) {
   std::map<std::string, std::vector<double>> projections;
   const std::string text = ReadTextFile(file);
+  int number = 0;
   for (const std::string_view line : Lines(text)) {
+    ++number;
     const std::vector<std::string_view> fields = SplitFields(Trim(line));
     if (fields.size() != 13) continue;
-    std::vector<double>& values = projections[std::string(fields[0].substr(0, fields[0].find(':')))];
-    for (size_t i = 1; i < 13; ++i) values.push_back(ParseDouble(fields[i]).value_or(0));
+    const std::string name(fields[0].substr(0, fields[0].find(':')));
+    std::vector<double>& values = projections[name];
+    for (size_t i = 1; i < 13; ++i) {
+      const auto value = ParseDouble(fields[i]);
+      if (!value || !std::isfinite(*value)) {
+        throw InputError(FileLine(file, number) + ": row '" + name + "': expected 12 numbers, found '" +
+                         Excerpt(fields[i]) + "'");
+      }
+      values.push_back(*value);
+    }
   }
   return projections;
 }
@@ -347,6 +362,7 @@ Dataset ReadDataset(const fs::path& folder) {
   if (kind.empty()) {
     throw InputError(folder.string() + ": expected a folder of EuRoC, TUM RGB-D, KITTI odometry or Record3D");
   }
+  RequireAllInside(folder);
   return kind == "euroc"      ? ReadEuroc(folder)
          : kind == "kitti"    ? ReadKitti(folder)
          : kind == "record3d" ? ReadRecord3d(folder)
@@ -364,7 +380,9 @@ void RefuseInsta360File(const fs::path& video) {
 fs::path TrackBeside(const fs::path& video) {
   for (const char* ending : {".gpx", ".nmea"}) {
     const fs::path beside = fs::path(video).replace_extension(ending);
-    if (fs::exists(beside)) return beside;
+    if (!fs::exists(beside)) continue;
+    RequireInside(video.parent_path(), beside);
+    return beside;
   }
   return {};
 }

@@ -278,6 +278,7 @@ class PanoramaImport {
 
   ImportReport Finish(size_t records) {
     SaveTable();
+    report_.kept = table_.kept();
     report_.files.insert(report_.files.end(), tables_.begin(), tables_.end());
     report_.warnings = provider_.Warnings();
     report_.warnings.insert(report_.warnings.end(), skipped_.begin(), skipped_.end());
@@ -294,10 +295,10 @@ class PanoramaImport {
                       provider_.Name(), Counted(widened_, "wider picture")));
     }
     if (ends_s_ != std::numeric_limits<int64_t>::max()) {
-      report_.warnings.push_back(
-          fmt::format("{}: its terms forbid to keep pictures and positions: they count until {}, and the "
-                      "next command after it deletes them; no report, export or release holds one of the pictures",
-                      provider_.Name(), UtcOfSeconds(ends_s_)));
+      report_.warnings.push_back(fmt::format(
+          "{}: its terms forbid to keep pictures and positions: they count until {}, and the "
+          "next run or import after it deletes them; no report, export or release holds one of the pictures",
+          provider_.Name(), UtcOfSeconds(ends_s_)));
     }
     return report_;
   }

@@ -11,6 +11,7 @@
 #include "calib/base/error.h"
 #include "datasets/import/panorama_provider.h"
 #include "datasets/import/providers/answers.h"
+#include "datasets/import/source_links.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
@@ -96,6 +97,7 @@ class PanoramaFolder final : public PanoramaProvider {
     }
     std::sort(files.begin(), files.end());
     for (const fs::path& file : files) {
+      RequireInside(dir, file);
       const json document = json::parse(ReadTextFile(file), nullptr, false);
       if (document.is_discarded()) {
         warnings_.push_back(file.string() + ": is no JSON; it is skipped");
@@ -146,7 +148,9 @@ class PanoramaFolder final : public PanoramaProvider {
  private:
   cv::Mat Whole(const std::string& id) const {
     for (const char* ending : {".jpg", ".jpeg", ".png", ".tif", ".JPG"}) {
-      if (fs::exists(dir_ / (id + ending))) return LoadPanorama(dir_ / (id + ending), false);
+      if (!fs::exists(dir_ / (id + ending))) continue;
+      RequireInside(dir_, dir_ / (id + ending));
+      return LoadPanorama(dir_ / (id + ending), false);
     }
     const fs::path parts = dir_ / id;
     if (!fs::is_directory(parts)) {
@@ -158,6 +162,7 @@ class PanoramaFolder final : public PanoramaProvider {
     for (size_t f = 0; f < 6; ++f) {
       const fs::path file = Picture(parts, {kFaces[f], std::to_string(f)});
       if (file.empty()) continue;
+      RequireInside(dir_, file);
       faces[f] = LoadPicture(file, false);
       any = true;
     }
@@ -175,6 +180,7 @@ class PanoramaFolder final : public PanoramaProvider {
       const auto x = ParseInt(stem.substr(0, bar)),
                  y = bar == std::string::npos ? std::nullopt : ParseInt(stem.substr(bar + 1));
       if (!x || !y || *x < 0 || *y < 0 || *x > 255 || *y > 255) continue;
+      RequireInside(dir_, file);
       tiles[static_cast<int>(*y)][static_cast<int>(*x)] = file;
     }
     if (tiles.empty()) throw InputError(parts.string() + ": neither faces (front.jpg, ...) nor tiles (<x>_<y>.jpg)");

@@ -1,15 +1,12 @@
 #include "datasets/import/panorama_table.h"
 
-#include <fmt/chrono.h>
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <ctime>
 #include <utility>
 
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/kept_input.h"
 #include "datasets/io/source_quality.h"
 #include "datasets/io/text.h"
 
@@ -26,18 +23,13 @@ std::vector<std::string> Columns() {
   return columns;
 }
 
-bool IsOfAService(const std::string& name) {
-  const std::string service = name.substr(0, name.find('-'));
-  return service.size() < name.size() && QualityOfSource(service) != nullptr;
-}
-
 }  // namespace
 
 PanoramaTable::PanoramaTable(const fs::path& site)
     : site_(site), file_(site / "panoramas.csv"), columns_(Columns()), comments_{"trigpoint panoramas 1"} {
   if (!fs::exists(file_)) {
     for (const fs::path& picture : PicturesIn(site / "panoramas")) {
-      if (IsOfAService(picture.filename().string())) continue;  // of an import that was killed, which goes on
+      if (IsPictureOfAService(picture.filename().string())) continue;  // of an import that was killed, which goes on
       const std::string name = "panoramas/" + picture.filename().string();
       files_.emplace(name, rows_.size());
       bare_.insert(name);
@@ -90,12 +82,7 @@ void PanoramaTable::TakeBack() {
 }
 
 fs::path PanoramaTable::Save() {
-  if (!saved_ && fs::exists(file_)) {
-    const std::string time = fmt::format("{:%Y-%m-%dT%H-%M-%SZ}", fmt::gmtime(std::time(nullptr)));
-    fs::path kept = site_ / "results" / "replaced" / (time + "-panoramas.csv");
-    for (int n = 2; fs::exists(kept); ++n) kept.replace_filename(fmt::format("{}-{}-panoramas.csv", time, n));
-    WriteFileAtomically(kept, ReadTextFile(file_));
-  }
+  if (!saved_) kept_ = KeepInputFile(site_, "panoramas.csv");
   CsvWriter csv(columns_, comments_);
   for (const auto& row : rows_) {
     for (const std::string& column : columns_) {

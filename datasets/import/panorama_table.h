@@ -33,9 +33,11 @@ class PanoramaTable {
   // Writes the table; what was there before the first time is kept in SITE/results/replaced/. Returns the file. Throws
   // IoError.
   std::filesystem::path Save();
+  // That copy; empty: there was no table, or nothing is saved yet.
+  const std::filesystem::path& kept() const { return kept_; }
 
  private:
-  std::filesystem::path site_, file_;
+  std::filesystem::path site_, file_, kept_;
   std::vector<std::string> columns_, comments_;
   std::vector<std::map<std::string, std::string>> rows_;
   std::map<std::string, size_t> files_;  // to their rows

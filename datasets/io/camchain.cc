@@ -32,12 +32,11 @@ Rigid3d ReadTransform(const YamlMap& map, const std::string& key) {
     }
   }
   if (!good) map.Fail(key, "expected 4 rows of 4 numbers, a transform's matrix");
-  const Eigen::Matrix3d r = m.topLeftCorner<3, 3>();
-  if ((r.transpose() * r - Eigen::Matrix3d::Identity()).norm() > 1e-3 || r.determinant() < 0 ||
-      (m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() > 1e-6) {
-    map.Fail(key, "expected a rotation and a translation (last row 0 0 0 1), found a matrix that is no rigid motion");
+  try {
+    return RigidFromMatrix(m);
+  } catch (const InputError& e) {
+    map.Fail(key, e.what());
   }
-  return {Eigen::Quaterniond(r), m.topRightCorner<3, 1>()};
 }
 
 // The part of the stored picture that the camera sees, if not all of it. Its size is the resolution.
@@ -135,6 +134,22 @@ Rigid3d LevelForwardCamera() {
   Eigen::Matrix3d r;
   r << 0, -1, 0, 0, 0, -1, 1, 0, 0;
   return {Eigen::Quaterniond(r), Eigen::Vector3d::Zero()};
+}
+
+Rigid3d RigidFromMatrix(const Eigen::Matrix4d& m) {
+  constexpr double kTolerance = 1e-3;
+  const Eigen::Matrix3d r = m.topLeftCorner<3, 3>();
+  const double skew = (r.transpose() * r - Eigen::Matrix3d::Identity()).norm();
+  if (!(skew <= kTolerance) || !(r.determinant() > 0) || !m.col(3).allFinite() ||
+      (m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() > 1e-6) {
+    char found[120];
+    std::snprintf(found, sizeof found, " (its rotation has determinant %.4g and is %.2g off orthonormal)",
+                  r.determinant(), skew);
+    throw InputError(
+        std::string("expected a rotation and a translation (last row 0 0 0 1), found a matrix that is no ") +
+        "rigid motion" + found);
+  }
+  return {Eigen::Quaterniond(r), m.topRightCorner<3, 1>()};
 }
 
 std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file) {

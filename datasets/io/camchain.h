@@ -15,6 +15,10 @@ namespace trigpoint {
 // has_extrinsics is false. Throws InputError with file, line and key (omni and double sphere cameras are refused).
 std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file);
 
+// A transform as a calibration states it. Throws InputError "expected ..., found ..." for what is no rigid motion: a
+// rotation is orthonormal with determinant 1, within 1e-3.
+Rigid3d RigidFromMatrix(const Eigen::Matrix4d& m);
+
 // A camera that looks along the body's x axis, upright: cam_from_body where nothing says how it is mounted.
 Rigid3d LevelForwardCamera();
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <optional>
+#include <set>
 #include <stdexcept>
 
 #include "calib/base/counted.h"
@@ -272,6 +273,28 @@ bool CsvTable::HasColumn(std::string_view column) const {
   return std::find(columns().begin(), columns().end(), column) != columns().end();
 }
 
+std::string CsvTable::TextWithout(const std::function<bool(const CsvRow&)>& leave_out) const {
+  std::set<int> out;
+  for (const CsvRow& row : rows_) {
+    if (!leave_out(row)) continue;
+    int line = row.line();
+    out.insert(line);
+    for (const std::string& column : columns()) {  // a quoted cell may go on in the next lines
+      const std::string& cell = row.Text(column);
+      for (auto ends = std::count(cell.begin(), cell.end(), '\n'); ends > 0; --ends) out.insert(++line);
+    }
+  }
+  const std::string text = ReadTextFile(header_->file);
+  std::string kept;
+  int line = 0;
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find('\n', at), text.size() - 1) + 1;
+    if (out.count(++line) == 0) kept += text.substr(at, end - at);
+    at = end;
+  }
+  return kept;
+}
+
 void CsvTable::ForEachUsable(std::vector<std::string>* warnings, const std::function<void(const CsvRow&)>& use) const {
   constexpr size_t kNamed = 10;
   std::optional<InputError> first;
@@ -294,9 +317,13 @@ void CsvTable::ForEachUsable(std::vector<std::string>* warnings, const std::func
 
 CsvWriter::CsvWriter(std::vector<std::string> columns, const std::vector<std::string>& comments)
     : columns_(std::move(columns)) {
-  for (const std::string& comment : comments) text_ += "# " + comment + "\n";
-  for (size_t i = 0; i < columns_.size(); ++i) text_ += (i == 0 ? "" : ",") + columns_[i];
-  text_ += "\n";
+  for (std::string comment : comments) {
+    std::replace_if(
+        comment.begin(), comment.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+    text_ += "# " + comment + "\n";
+  }
+  for (const std::string& column : columns_) Text(column);
+  EndRow();
 }
 
 void CsvWriter::Separate() {

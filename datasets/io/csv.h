@@ -81,6 +81,9 @@ class CsvTable {
   const std::vector<std::string>& comments() const { return comments_; }  // without '#' and outer spaces
   const std::vector<std::string>& warnings() const { return warnings_; }
 
+  // The file's text without the lines of some rows; all others stay as they were written. Reads the file again.
+  std::string TextWithout(const std::function<bool(const CsvRow&)>& leave_out) const;
+
   // Calls `use` for each row; a row that throws InputError is skipped and named in `warnings` (the first ten; a
   // PathError goes on). Throws the first of them if no row was usable but some were there.
   void ForEachUsable(std::vector<std::string>* warnings, const std::function<void(const CsvRow&)>& use) const;
@@ -93,6 +96,7 @@ class CsvTable {
 };
 
 // Builds a table cell by cell, row by row. The first comment names the table: "trigpoint tags 1; frame=enu; ...".
+// Names of columns are written as cells are, line breaks in comments as spaces.
 class CsvWriter {
  public:
   explicit CsvWriter(std::vector<std::string> columns, const std::vector<std::string>& comments = {});

@@ -5,9 +5,11 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "datasets/io/gps.h"
 #include "datasets/io/path_error.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/site_inputs.h"
+#include "datasets/io/survey_tables.h"
 #include "datasets/io/tables.h"
 
 namespace trigpoint {
@@ -145,14 +147,31 @@ Site ReadSiteTolerant(const std::filesystem::path& dir, std::vector<std::string>
   return ReadParts(dir, problems);
 }
 
-std::vector<std::string> UnusedTables(const std::filesystem::path& site_dir) {
+std::vector<std::string> UnusedTables(const std::filesystem::path& site_dir, const std::vector<std::string>& runs) {
   Site site;
   site.dir = site_dir;
-  return ReadTables(&site);
+  std::vector<std::string> unused = ReadTables(&site), ignored;
+  const auto look = [&](const std::filesystem::path& file, const auto& read) {
+    if (!std::filesystem::exists(file)) return;
+    try {
+      if (read(file) == 0) unused.push_back(file.string() + ": expected rows below the header, found none");
+    } catch (const InputError& e) {
+      unused.push_back(e.what());
+    }
+  };
+  look(site_dir / "distances.csv",
+       [&](const std::filesystem::path& file) { return ReadDistances(file, &ignored).size(); });
+  look(site_dir / "control_observations.csv",
+       [&](const std::filesystem::path& file) { return ReadControlObservations(file, &ignored).size(); });
+  for (const std::string& run : runs) {
+    look(site_dir / "runs" / run / "gps.csv",
+         [&](const std::filesystem::path& file) { return ReadGpsCsv(file).fixes.size(); });
+  }
+  return unused;
 }
 
 bool IsInputPath(const std::filesystem::path& relative) {
-  static const std::set<std::string> folders = {"runs", "panoramas", "photos", "models", "releases"};
+  static const std::set<std::string> folders = {"runs", "panoramas", "photos", "models", "releases", "estimates"};
   static const std::set<std::string> files = {"trigpoint.yaml",
                                               "review.jsonl",
                                               "origin.json",
@@ -164,7 +183,11 @@ bool IsInputPath(const std::filesystem::path& relative) {
                                               "control_points.csv",
                                               "aerial.tif",
                                               "control_observations.csv",
-                                              "total_station.csv"};
+                                              "total_station.csv",
+                                              "gcp_list.txt",
+                                              "ground_control_points.json",
+                                              "plan.csv",
+                                              "plan.geojson"};
   const std::filesystem::path normal = relative.lexically_normal();
   if (normal.empty()) return false;
   return folders.count(normal.begin()->string()) > 0 || files.count(normal.string()) > 0;

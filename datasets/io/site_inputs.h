@@ -16,7 +16,8 @@ Site ReadSiteTolerant(const std::filesystem::path& dir, std::vector<std::string>
 // Would a site's reader take a file at this path, relative to the site, as its user's input? It need not be there.
 bool IsInputPath(const std::filesystem::path& relative);
 
-// Of each table of a site that is there and gives nothing (no row, or none that can be used): file and why.
-std::vector<std::string> UnusedTables(const std::filesystem::path& site_dir);
+// Of each table of a site that is there and gives nothing (no row, or none that can be used): file and why. `runs`:
+// those whose gps.csv is looked at, too.
+std::vector<std::string> UnusedTables(const std::filesystem::path& site_dir, const std::vector<std::string>& runs = {});
 
 }  // namespace trigpoint

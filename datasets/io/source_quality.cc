@@ -20,4 +20,9 @@ const SourceQuality* QualityOfSource(const std::string& source) {
   return it == qualities.end() ? nullptr : &it->second;
 }
 
+bool IsPictureOfAService(const std::string& name) {
+  const std::string service = name.substr(0, name.find('-'));
+  return service.size() < name.size() && name.ends_with(".jpg") && QualityOfSource(service) != nullptr;
+}
+
 }  // namespace trigpoint

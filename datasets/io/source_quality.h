@@ -15,4 +15,7 @@ struct SourceQuality {
 // Of a source by its name in panoramas.csv ("panoramax"); null: none is stated, the table's own sigmas hold.
 const SourceQuality* QualityOfSource(const std::string& source);
 
+// Is it the name that an import gives to a picture of such a source: <service>-<id>.jpg?
+bool IsPictureOfAService(const std::string& name);
+
 }  // namespace trigpoint

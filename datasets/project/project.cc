@@ -11,6 +11,7 @@
 
 #include "datasets/io/expired_panoramas.h"
 #include "datasets/io/geodetic_mean.h"
+#include "datasets/io/kept_input.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/picture_parts.h"
 #include "datasets/io/site_inputs.h"
@@ -19,6 +20,7 @@
 #include "datasets/project/description.h"
 #include "datasets/project/files.h"
 #include "datasets/project/look.h"
+#include "datasets/project/replaced.h"
 #include "datasets/project/yaml_json.h"
 
 namespace trigpoint {
@@ -95,6 +97,9 @@ ProjectFile ReadProjectFile(const fs::path& dir) {
              fmt::format("expected {}, found {}: the file is of another version of Trigpoint", kSchema, schema));
   }
   result.name = map.Text("name");
+  if (result.name.find_first_of("\n\r") != std::string::npos) {
+    map.Fail("name", "expected one line, found a line break in it");
+  }
   result.crs = map.Text("crs");
   if (!result.crs.empty() && (!result.crs.starts_with("EPSG:") || !ParseInt(result.crs.substr(5)))) {
     map.Fail("crs", "expected EPSG:<number>, found '" + result.crs + "'");
@@ -351,6 +356,18 @@ void CheckVariantName(const std::string& variant) {
 
 Project Project::Open(const fs::path& dir) { return OpenWith(dir, nullptr); }
 
+Project Project::OpenToCompute(const fs::path& dir) {
+  const int expired = ForgetExpiredPanoramas(dir);
+  Project project = Open(dir);
+  if (expired > 0) {
+    project.warnings_.push_back(
+        Count(static_cast<size_t>(expired), "panorama was", "panoramas were") +
+        " deleted: their source forbids to keep them longer; import them again (panoramas.csv as it was: " +
+        "results/replaced/)");
+  }
+  return project;
+}
+
 Project Project::OpenTolerant(const fs::path& dir, std::vector<std::string>* problems) {
   return OpenWith(dir, problems);
 }
@@ -416,13 +433,7 @@ Project Project::OpenWith(const fs::path& dir_in, std::vector<std::string>* prob
   attempt([&] {  // before the site: its errors come first and fast
     if (has_file) file = ReadProjectFile(dir);
   });
-  int expired = 0;
-  attempt([&] { expired = ForgetExpiredPanoramas(dir); });
   attempt([&] { project.site_ = problems == nullptr ? ReadSite(dir) : ReadSiteTolerant(dir, problems); });
-  if (expired > 0) {
-    project.site_.warnings.push_back(Count(static_cast<size_t>(expired), "panorama was", "panoramas were") +
-                                     " deleted: their source forbids to keep them longer; import them again");
-  }
   attempt([&] {
     if (!has_file && !KnowsAnything(project.site_)) ThrowNothingFound(project.site_);
   });
@@ -495,7 +506,8 @@ InitReport Project::Init(const fs::path& dir_in) {
     if (added.empty()) {
       // nothing new
     } else if (AddRuns(text, runs)) {
-      WriteFileAtomically(report.file, text);
+      report.kept = ReplaceInputFile(dir, kProjectFile, text);
+      report.added = AddedLines(report.kept, report.file);
     } else {
       report.warnings.push_back(fmt::format("add {} to `runs:` in {} to use it", fmt::join(added, ", "), kProjectFile));
     }

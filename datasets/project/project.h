@@ -20,6 +20,8 @@ namespace trigpoint {
 struct InitReport {
   std::filesystem::path file;         // trigpoint.yaml
   bool created = false;               // false: it was there before, and is kept
+  std::filesystem::path kept;         // where runs were added to it: as it was, in results/replaced/
+  std::vector<std::string> added;     // its lines that are new then
   std::vector<std::string> found;     // one sentence each
   std::vector<std::string> missing;   // what would make more possible, and what it would make possible
   std::vector<std::string> warnings;  // what was found but cannot be used as it is
@@ -30,11 +32,15 @@ class Project {
  public:
   // Opens DIR (its trigpoint.yaml, or a bare folder in the known layout: defaults then). Throws InputError.
   static Project Open(const std::filesystem::path& dir);
+  // The same for a command that reads panoramas and writes results: pictures whose source forbids to keep them longer
+  // are deleted first, with a warning (datasets/io/expired_panoramas.h). Open() leaves them, and nothing uses them.
+  static Project OpenToCompute(const std::filesystem::path& dir);
   // As far as it can be opened, to be looked at: what is broken counts as absent and is named in `problems`. Throws
   // InputError only if there is no such folder.
   static Project OpenTolerant(const std::filesystem::path& dir, std::vector<std::string>* problems);
   // Looks at DIR and writes trigpoint.yaml; one that is there is kept, only runs that it doesn't list yet are added to
-  // it. Throws InputError if the folder holds nothing to work with, IoError if it cannot be written.
+  // it, and it is kept as it was. Throws InputError if the folder holds nothing to work with, IoError if it cannot be
+  // written.
   static InitReport Init(const std::filesystem::path& dir);
 
   const std::filesystem::path& dir() const { return dir_; }

@@ -126,6 +126,26 @@ TEST_F(CalibrationFiles, CamerasOfOneRunAreRelated) {
   EXPECT_EQ(ReadCamerasFor(dir() / "rig.yaml", 2, "the drive").at(1).name, "cam1");
 }
 
+TEST_F(CalibrationFiles, AStereoPairIsARigidMotionInMetres) {
+  const auto write = [&](const std::string& r, const std::string& t) {
+    WriteFileAtomically(
+        dir() / "stereo.yaml",
+        "image_width: 640\nimage_height: 480\nM1: [500, 0, 320, 0, 500, 240, 0, 0, 1]\nD1: [0, 0, 0, 0]\n"
+        "M2: [500, 0, 320, 0, 500, 240, 0, 0, 1]\nD2: [0, 0, 0, 0]\nR: " +
+            r + "\nT: " + t + "\n");
+    return dir() / "stereo.yaml";
+  };
+  const std::string one = "[1, 0, 0, 0, 1, 0, 0, 0, 1]";
+  EXPECT_EQ(ReadCameraFile(write(one, "[-0.12, 0, 0]")).cameras.at(1).cam_from_body.translation.x(), -0.12);
+  for (const char* r :
+       {"[2, 0, 0, 0, -1, 0, 0, 0, 1]", "[1, 0, 0, 0, 1, 0, 0, 0, -1]", "[0, 0, 0, 0, 0, 0, 0, 0, 0]"}) {
+    EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(write(r, "[-0.12, 0, 0]")); }),
+                HasSubstr("stereo.yaml: key 'R': expected a rotation"));
+  }
+  EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(write(one, "[-120.5, 0, 0]")); }),
+              HasSubstr("key 'T': expected metres and a baseline of at most 10 m, found one of 120.5"));
+}
+
 TEST_F(CalibrationFiles, SaysWhatAForeignFileLacks) {
   const auto read = [&](const std::string& text) {
     WriteFileAtomically(dir() / "camera.yaml", text);

@@ -14,6 +14,7 @@ namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::AllOf;
 using testing::HasSubstr;
 
 void WritePicture(const fs::path& file, int width, int height) {
@@ -59,6 +60,20 @@ TEST(DatasetRun, Euroc) {
   EXPECT_EQ(run.cameras[1].camera.params()[4], -0.28);
   EXPECT_LT((run.cameras[1].cam_from_body.TargetOriginInSource() - Eigen::Vector3d(0.1, 0.2, 1)).norm(), 1e-9);
   EXPECT_EQ(run.odometry.poses.at(1).target_from_body.translation, Eigen::Vector3d(2, 2, 3));
+  // Transforms that are no motion: mirrored, twice as large, nothing.
+  const std::string file = "MH_01/mav0/cam1/sensor.yaml", good = ReadTextFile(dir / file);
+  const size_t at = good.find('['), end = good.find(']');
+  for (const char* data : {"[0, 0, 1, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0, 1",
+                           "[0, 0, 2, 0, -2, 0, 0, 0, 0, -2, 0, 0, 0, 0, 0, 1", "[0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0"}) {
+    dir.Write(file, good.substr(0, at) + data + good.substr(end));
+    EXPECT_THAT(MessageOf<InputError>([&] { DescribeDataset(dir / "MH_01"); }),
+                AllOf(HasSubstr("cam1/sensor.yaml:"), HasSubstr("T_BS"), HasSubstr("no rigid motion")))
+        << data;
+  }
+  dir.Write(file, good);
+  fs::create_directories(dir / "secret");
+  fs::create_symlink(dir / "secret", dir / "MH_01/mav0/cam1/data/more");
+  EXPECT_THAT(MessageOf<InputError>([&] { DescribeDataset(dir / "MH_01"); }), HasSubstr("found a link out of it"));
 }
 
 TEST(DatasetRun, TumRgbd) {
@@ -106,6 +121,11 @@ TEST(DatasetRun, KittiOdometry) {
   EXPECT_EQ(DescribeDataset(dir / "00"),
             "kitti: 6 images of 2 cameras, 2 calibrated; odometry: none in it, name a file of poses by --odometry");
   EXPECT_THAT(MessageOf<InputError>([&] { DescribeDataset(dir / "poses"); }), HasSubstr("expected a folder of EuRoC"));
+  const std::string good = ReadTextFile(dir / "00/calib.txt");
+  dir.Write("00/calib.txt", "P0: 700 0 600 0 0 710 180 0 0 0 1 0\nP1: 700 0 600 -37B 0 710 180 0 0 0 1 0\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { DescribeDataset(dir / "00"); }),
+              HasSubstr("calib.txt:2: row 'P1': expected 12 numbers, found '-37B'"));
+  dir.Write("00/calib.txt", good);
   ImportDatasetRun(site, dir / "00", {"k0", poses, "", 1});
   const trigpoint::Run run = ReadRun(site / "runs/k0", site);
   ASSERT_EQ(run.images.size(), 6u);
@@ -338,6 +358,18 @@ TEST(VideoRun, TakesTheTrackBesideIt) {
   ASSERT_EQ(run.gps.size(), 2u);
   EXPECT_EQ(run.gps[0].stamp_ns, 0);
   EXPECT_EQ(run.gps[1].stamp_ns, 1'000'000'000);
+  fs::create_directories(dir / "secret");
+  fs::rename(dir / "drive.gpx", dir / "secret/track.gpx");
+  fs::create_symlink("secret/track.gpx", dir / "drive.gpx");
+  EXPECT_NO_THROW(DescribeVideo(dir / "drive.avi"));
+  fs::create_directories(dir / "from");
+  fs::rename(dir / "drive.avi", dir / "from/drive.avi");
+  fs::create_symlink("../secret/track.gpx", dir / "from/drive.gpx");
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ImportVideoRun(site, dir / "from/drive.avi", {"second", "", cameras, 2});
+              }),
+              HasSubstr("drive.gpx: expected a file in"));
+  EXPECT_FALSE(fs::exists(site / "runs/second"));
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "datasets/import/colmap_run.h"
 #include "datasets/import/panorama_provider.h"
 #include "datasets/import/phone_files.h"
+#include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/text.h"
 #include "tests/datasets/io_temp_dir.h"
@@ -227,6 +228,57 @@ TEST(ImportPhotos, LinksAreNotFollowedOut) {
   EXPECT_THAT(Joined(report.warnings), HasSubstr("b.jpg: is a link"));
 }
 
+TEST(ImportPanoramas, LinksAreNotFollowedOut) {
+  const TempDir dir;
+  for (const char* folder : {"secret/tiles", "real/cube"}) fs::create_directories(dir / folder);
+  cv::imwrite((dir / "secret/private.jpg").string(), Gradient(64));
+  cv::imwrite((dir / "secret/tiles/0_0.jpg").string(), Gradient(64));
+  cv::imwrite((dir / "real/own.jpg").string(), Gradient(64));
+  fs::create_symlink("../secret/private.jpg", dir / "real/p1.jpg");
+  fs::create_directory_symlink(dir / "secret/tiles", dir / "real/p2");
+  fs::create_symlink(dir / "secret/private.jpg", dir / "real/cube/front.jpg");
+  fs::create_symlink("own.jpg", dir / "real/again.jpg");
+  std::string list;
+  for (const char* id : {"own", "again", "p1", "p2", "cube"}) {
+    list += std::string(list.empty() ? "[" : ",") + "{\"id\": \"" + id + "\", \"lat\": 48.0, \"lon\": 7.8}";
+  }
+  dir.Write("real/list.json", list + "]");
+  fs::create_directory_symlink(dir / "real", dir / "from");  // the user may name a folder by a link
+  ProgressSink progress;
+  const ImportReport report = ImportPanoramas(dir / "site", *OpenPanoramaFolder(dir / "from"), {}, progress, {});
+  for (const char* name : {"own", "again"}) {
+    EXPECT_TRUE(fs::exists(dir / "site/panoramas" / (std::string(name) + ".jpg"))) << name;
+  }
+  for (const char* name : {"p1", "p2", "cube"}) {
+    EXPECT_FALSE(fs::exists(dir / "site/panoramas" / (std::string(name) + ".jpg"))) << name;
+  }
+  EXPECT_THAT(Joined(report.warnings),
+              AllOf(HasSubstr("p1.jpg: expected a file in"), HasSubstr("found a link out of it"),
+                    HasSubstr("0_0.jpg: expected"), HasSubstr("front.jpg: expected")));
+  fs::create_symlink(dir / "secret/list.json", dir / "real/other.json");
+  dir.Write("secret/list.json", "[]");
+  EXPECT_THAT(MessageOf<InputError>([&] { OpenPanoramaFolder(dir / "from"); }), HasSubstr("other.json: expected"));
+}
+
+TEST(ImportPanoramas, KeepsColumnsWithAnyName) {
+  const TempDir dir;
+  fs::create_directories(dir / "from");
+  fs::create_directories(dir / "site/panoramas");
+  cv::imwrite((dir / "from/p.jpg").string(), Gradient(64));
+  cv::imwrite((dir / "site/panoramas/mine.jpg").string(), Gradient(64));
+  dir.Write("from/p.json", R"({"id": "p", "lat": 48.0, "lon": 7.8})");
+  const std::string before = "file,\"note, mine\",=1+1\npanoramas/mine.jpg,a,b\n";
+  dir.Write("site/panoramas.csv", before);
+  ProgressSink progress;
+  const ImportReport report = ImportPanoramas(dir / "site", *OpenPanoramaFolder(dir / "from"), {}, progress, {});
+  EXPECT_EQ(ReadTextFile(report.kept), before);
+  const CsvTable table = CsvTable::Read(dir / "site/panoramas.csv", {"file"});
+  ASSERT_EQ(table.rows().size(), 2u);
+  EXPECT_EQ(table.rows()[0].Text("note, mine"), "a");
+  EXPECT_EQ(table.rows()[0].Text("=1+1"), "b");
+  EXPECT_EQ(table.rows()[1].Text("file"), "panoramas/p.jpg");
+}
+
 TEST(ImportColmap, NamesThatClimbOutAreRefused) {
   const TempDir dir;
   fs::create_directories(dir / "images");
@@ -239,6 +291,10 @@ TEST(ImportColmap, NamesThatClimbOutAreRefused) {
   options.images = dir / "images";
   EXPECT_THAT(MessageOf<InputError>([&] { ImportColmapRun(dir / "site", dir / "model", options); }),
               HasSubstr("names an image 'sub/../../secret.jpg'; expected names below"));
+  fs::create_symlink(dir / "secret.jpg", dir / "images/a.jpg");
+  dir.Write("model/images.txt", "1 1 0 0 0 0 0 0 1 a.jpg\n\n");
+  EXPECT_THAT(MessageOf<InputError>([&] { ImportColmapRun(dir / "site", dir / "model", options); }),
+              HasSubstr("a.jpg: expected a file in"));
   EXPECT_FALSE(fs::exists(dir / "site/runs"));
 }
 

@@ -890,16 +890,17 @@ TEST_F(SiteTest, ReadsTagsAndOrigin) {
 
 TEST_F(SiteTest, PanoramasThatMustNotBeKeptAreForgotten) {
   const std::string header = "# mine\nfile,latitude_deg,longitude_deg,keep_until\n";
-  const std::string own = "panoramas/a.jpg,48.01,7.83,\n", later = "panoramas/b.jpg,48.01,7.83,2026-05-12T10:00:00Z\n",
-                    over = "panoramas/c.jpg,48.01,7.83,2026-05-12T09:00:00Z\n";
-  for (const char* name : {"panoramas/a.jpg", "panoramas/b.jpg", "panoramas/c.jpg"}) Write(name, "x");
+  const std::string own = "panoramas/a.jpg,48.01,7.83,\n",
+                    later = "panoramas/google-b.jpg,48.01,7.83,2026-05-12T10:00:00Z\n",
+                    over = "panoramas/google-c.jpg,48.01,7.83,2026-05-12T09:00:00Z\n";
+  for (const char* name : {"panoramas/a.jpg", "panoramas/google-b.jpg", "panoramas/google-c.jpg"}) Write(name, "x");
   Write("panoramas.csv", header + own + later + over);
   Write("results/replaced/2026-panoramas.csv", header + over);
   const int64_t half_past_nine = *ParseUtcToNs("2026-05-12T09:30:00Z") / 1'000'000'000;
   // What kills left of pictures being written; one is being written now.
-  const std::vector<const char*> old = {"panoramas/.c.jpg.12-3-4", "panoramas/.mine.jpg.bak", ".panoramas.csv.12-3-6",
-                                        "results/replaced/.2026-panoramas.csv.12-3-7"};
-  Write("panoramas/.b.jpg.12-3-5", "x");
+  const std::vector<const char*> old = {"panoramas/.google-c.jpg.12-3-4", "panoramas/.mine.jpg.bak",
+                                        ".panoramas.csv.12-3-6", "results/replaced/.2026-panoramas.csv.12-3-7"};
+  Write("panoramas/.google-b.jpg.12-3-5", "x");
   for (const char* name : old) {
     Write(name, "x");
     std::filesystem::last_write_time(dir_ / name,
@@ -907,20 +908,65 @@ TEST_F(SiteTest, PanoramasThatMustNotBeKeptAreForgotten) {
   }
   EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine - 3600), 0);
   for (const char* name : {old[0], old[2], old[3]}) EXPECT_FALSE(std::filesystem::exists(dir_ / name)) << name;
-  EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/.b.jpg.12-3-5"));
+  EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/.google-b.jpg.12-3-5"));
   EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/.mine.jpg.bak"));
   EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 1);
   EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), header + own + later);
-  EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/b.jpg"));
-  EXPECT_FALSE(std::filesystem::exists(dir_ / "panoramas/c.jpg"));
+  EXPECT_TRUE(std::filesystem::exists(dir_ / "panoramas/google-b.jpg"));
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "panoramas/google-c.jpg"));
   EXPECT_FALSE(std::filesystem::exists(dir_ / "results/replaced/2026-panoramas.csv"));
+  const auto kept = [&] {
+    std::string text;
+    for (const auto& entry : std::filesystem::directory_iterator(dir_ / "results/replaced")) {
+      text += ReadTextFile(entry.path());
+    }
+    return text;
+  };
+  EXPECT_EQ(kept(), header + own + later + over);
   EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 0);
+  EXPECT_EQ(kept(), header + own + later);
   EXPECT_FALSE(IsOver("9999-12-31T23:59:59Z"));
   EXPECT_FALSE(IsOver("soon"));
   // A table of others, and one that cannot be read, are left as they are.
   Write("panoramas.csv", "keep_until\nx\n");
   EXPECT_EQ(ForgetExpiredPanoramas(dir_ / ".", half_past_nine), 0);
   EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), "keep_until\nx\n");
+}
+
+// Rows may name any file, as others may have made the table.
+TEST_F(SiteTest, OnlyPicturesOfAnImportAreForgotten) {
+  const std::filesystem::path outside = dir_ / "outside";
+  std::filesystem::create_directories(outside);
+  Write("outside/google-a.jpg", "theirs");
+  Write("panoramas/google-kept.jpg", "x");
+  std::filesystem::create_directory_symlink(outside, dir_ / "link");
+  std::filesystem::create_symlink(outside / "google-a.jpg", dir_ / "panoramas/google-link.jpg");
+  for (const char* name :
+       {"trigpoint.yaml", "panoramas/mine.jpg", "panoramas/google-kept.jpg", "panoramas/sub/google-d.jpg"}) {
+    Write(name, "x");
+  }
+  const std::string over = ",2026-05-12T09:00:00Z\n", header = "file,keep_until\n";
+  std::string table = header;
+  for (const char* name : {"trigpoint.yaml", "link/google-a.jpg", "panoramas/google-link.jpg", "panoramas/mine.jpg",
+                           "panoramas/sub/google-d.jpg", "panoramas/../trigpoint.yaml"}) {
+    table += name + over;
+  }
+  table += "./panoramas/google-kept.jpg,2099-05-12T09:00:00Z\n";
+  Write("panoramas.csv", table);
+  Write("results/replaced/2025-panoramas.csv", header + "panoramas/google-kept.jpg" + over);
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / "."), 0);
+  EXPECT_EQ(ReadTextFile(dir_ / "panoramas.csv"), table);
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "results/replaced/2025-panoramas.csv"));
+  for (const char* name : {"outside/google-a.jpg", "trigpoint.yaml", "panoramas/google-link.jpg", "panoramas/mine.jpg",
+                           "panoramas/google-kept.jpg", "panoramas/sub/google-d.jpg"}) {
+    EXPECT_TRUE(std::filesystem::exists(dir_ / name)) << name;
+  }
+  // A folder of panoramas that is linked in is its owner's.
+  std::filesystem::remove_all(dir_ / "panoramas");
+  std::filesystem::create_directory_symlink(outside, dir_ / "panoramas");
+  Write("panoramas.csv", header + "panoramas/google-a.jpg" + over);
+  EXPECT_EQ(ForgetExpiredPanoramas(dir_ / "."), 0);
+  EXPECT_TRUE(std::filesystem::exists(outside / "google-a.jpg"));
 }
 
 TEST(CaptureDate, GapsAreExplained) {
@@ -960,6 +1006,15 @@ TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {
   EXPECT_THAT(unused, HasSubstr("panoramas.csv:1: column 'file' is missing"));
   EXPECT_THAT(unused, HasSubstr("photos.csv: the table is empty"));
   EXPECT_EQ(unused.find("stations"), std::string::npos);
+  Write("distances.csv", "from,to,distance_m\n");
+  Write("control_observations.csv", "point,image,u,v\n");
+  Write("runs/a/gps.csv", "");
+  Write("runs/b/gps.csv", "timestamp_s,latitude_deg,longitude_deg\n");
+  const std::string more = Joined(UnusedTables(dir_.path(), {"a", "b", "c"}));
+  for (const char* why : {"distances.csv: expected rows", "control_observations.csv: expected rows",
+                          "a/gps.csv: the table is empty", "b/gps.csv: no usable GPS fix"}) {
+    EXPECT_THAT(more, HasSubstr(why));
+  }
 }
 
 }  // namespace

@@ -101,6 +101,22 @@ TEST(Csv, GuardsTextThatASpreadsheetWouldCompute) {
   for (size_t i = 0; i < texts.size(); ++i) EXPECT_EQ(table.rows()[i].Text("text"), texts[i]);
 }
 
+// Names of columns may come from people, too: those of stations and runs.
+TEST(Csv, NamesAndCommentsAreGuardedAsCellsAre) {
+  const TempDir dir;
+  const std::vector<std::string> names = {"run", "=HYPERLINK(\"http://x\")", "a, b", "two\nlines"};
+  CsvWriter csv(names, {"evil\n=cmd|calc,1,2\r=1"});
+  csv.Text("r").Integer(1).Integer(2).Integer(3).EndRow();
+  csv.Save(dir / "out.csv");
+  EXPECT_THAT(ReadTextFile(dir / "out.csv"),
+              testing::StartsWith("# evil =cmd|calc,1,2 =1\nrun,\"'=HYPERLINK(\"\"http://x\"\")\",\"a, b\","));
+  const CsvTable table = CsvTable::Read(dir / "out.csv", {"run"});
+  EXPECT_EQ(table.columns(), names);
+  EXPECT_EQ(table.rows().at(0).Integer("a, b"), 2);
+  EXPECT_EQ(table.TextWithout([](const CsvRow&) { return true; }),
+            ReadTextFile(dir / "out.csv").substr(0, ReadTextFile(dir / "out.csv").find("\nr,") + 1));
+}
+
 TEST(Csv, LongContentIsCutInMessages) {
   const TempDir dir;
   const CsvTable table = CsvTable::Read(dir.Write("t.csv", "n\n" + std::string(5000, 'x') + "\n"), {"n"});

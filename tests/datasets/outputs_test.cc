@@ -69,8 +69,10 @@ TEST(OutputFiles, LinksAreNotWrittenThroughAndNotReplaced) {
 
 TEST(OutputFiles, PlacesThatAProjectReadsAreRefused) {
   const ProjectFolder site;
-  for (const char* name : {"panoramas.csv", "control_points.csv", "runs/run9/camchain.yaml", "photos/a/b.jpg",
-                           "trigpoint.yaml", "results/localize/run1/cameras.tum", "out/../stations.csv"}) {
+  for (const char* name :
+       {"panoramas.csv", "control_points.csv", "runs/run9/camchain.yaml", "photos/a/b.jpg", "gcp_list.txt",
+        "ground_control_points.json", "plan.csv", "plan.geojson", "estimates/orb/run1.tum", "trigpoint.yaml",
+        "results/localize/run1/cameras.tum", "out/../stations.csv"}) {
     EXPECT_THROW(RequireOutputPlace(site / name), InputError) << name;
   }
   fs::create_directory_symlink(site.dir(), site.dir().parent_path() / "link");

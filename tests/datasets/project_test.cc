@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "datasets/io/text.h"
 #include "tests/datasets/project_folder.h"
 
 namespace trigpoint {
@@ -50,7 +51,21 @@ TEST(Project, InitKeepsTheFileAndAddsNewRuns) {
   EXPECT_FALSE(report.created);
   EXPECT_EQ(folder.Read("trigpoint.yaml"),
             "# mine\nname: \"a: b\"\nruns: [\"run1\", \"run2\"]\nroles: {run1: survey}\n");
+  EXPECT_THAT(report.added, ElementsAre("runs: [\"run1\", \"run2\"]"));
+  EXPECT_EQ(ReadTextFile(report.kept), "# mine\nname: \"a: b\"\nruns: [run1]\nroles: {run1: survey}\n");
+  EXPECT_TRUE(Project::Init(folder.dir()).kept.empty());
   EXPECT_EQ(Project::Open(folder.dir()).run("run1").config.role, "survey");
+}
+
+TEST(Project, OnlyACommandThatComputesDeletesWhatHasExpired) {
+  const ProjectFolder folder;
+  folder.Write("panoramas/google-a.jpg", "x");
+  folder.Write("panoramas.csv", "file,keep_until\npanoramas/google-a.jpg,2024-01-01T00:00:00Z\n");
+  EXPECT_TRUE(Project::Open(folder.dir()).site().references.empty());
+  EXPECT_EQ(folder.Read("panoramas/google-a.jpg"), "x");
+  EXPECT_THAT(Project::OpenToCompute(folder.dir()).warnings(),
+              testing::Contains(HasSubstr("1 panorama was deleted: their source forbids")));
+  EXPECT_FALSE(std::filesystem::exists(folder / "panoramas/google-a.jpg"));
 }
 
 TEST(Project, UnlistedRunsTakeNoPartAndAreNamed) {
@@ -71,6 +86,7 @@ TEST(Project, BadProjectFilesAreNamedWithLineAndRemedy) {
   const BadFile kFiles[] = {
       {"schema: 1\nrunz: [run1]\n", {"trigpoint.yaml:2", "runz", "runs"}},
       {"name: x\nruns: run1\n", {"trigpoint.yaml:2", "list"}},
+      {"name: \"evil\\n=cmd\"\n", {"trigpoint.yaml:1", "name", "expected one line"}},
       {"runs: [run7]\n", {"run7", "nearest: 'run1'"}},
       {"runs: [../other]\n", {"trigpoint.yaml:1", "../other", "runs/"}},
       {"runs: [../../other]\n", {"trigpoint.yaml:1", "../../other", "leaves the project"}},

@@ -224,6 +224,19 @@ TEST(Cli, ZeroAnswersAndUselessTablesEndWithOne) {
     EXPECT_FALSE(finished.Json()["ok"]);
     EXPECT_EQ(Trigpoint({"detect", dir}).exit_code, 0) << "needs no panorama";
   }
+  WriteFileAtomically(site.dir() / "panoramas.csv", table);
+  EXPECT_EQ(Trigpoint({"localize", dir}).exit_code, 0);
+  for (const auto& [file, text] :
+       {std::pair{"distances.csv", "from,to,distance_m\n"}, std::pair{"control_observations.csv", "point,image,u,v\n"},
+        std::pair{"runs/run2/gps.csv", "timestamp_s,latitude_deg,longitude_deg\n"}}) {
+    const fs::path path = site.dir() / file;
+    const std::string before = fs::exists(path) ? ReadTextFile(path) : "";
+    WriteFileAtomically(path, text);
+    const Finished finished = Trigpoint({"localize", dir});
+    EXPECT_EQ(finished.exit_code, 1) << file;
+    EXPECT_THAT(finished.err, HasSubstr(std::string(file) + ": "));
+    before.empty() ? (void)fs::remove(path) : WriteFileAtomically(path, before);
+  }
 }
 
 TEST(Cli, CtrlCLeavesNoHarm) {

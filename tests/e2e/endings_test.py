@@ -146,6 +146,37 @@ class Endings(unittest.TestCase):
             done = trigpoint(*arguments)
             self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
 
+    def test_distances_between_tags_that_nobody_saw_end_with_one(self):
+        site = os.path.join(self.dir, "distances")
+        shutil.copytree(self.site, site)
+        for rows, code in (("901,902,1.5\n", 1), ("901,902,1.5\n", 0)):
+            with open(os.path.join(site, "distances.csv"), "w", encoding="utf-8") as file:
+                file.write("from,to,distance_m\n" + rows)
+            with open(os.path.join(site, "results/survey/tags.csv"), encoding="utf-8") as file:
+                tags = [line.split(",")[0] for line in file if line[0].isdigit()]
+            if code == 0:
+                with open(os.path.join(site, "distances.csv"), "a", encoding="utf-8") as file:
+                    file.write(f"{tags[0]},{tags[1]},1.5\n")
+            done = trigpoint("survey", site)
+            self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+            if code == 1:
+                self.assertIn("distances.csv: expected a distance between two tags of the map, found none in 1 row", done.stdout + done.stderr)
+
+    def test_runs_added_by_init_are_shown(self):
+        site = os.path.join(self.dir, "more runs")
+        shutil.copytree(self.site, site, ignore=shutil.ignore_patterns("results", "releases"))
+        before = "runs: [run2]\n"
+        with open(os.path.join(site, "trigpoint.yaml"), "w", encoding="utf-8") as file:
+            file.write(before)
+        shutil.copytree(os.path.join(site, "runs/run2"), os.path.join(site, "runs/run3"))
+        said = trigpoint("init", site).stdout
+        self.assertRegex(said, re.compile(r"^Added runs to .*trigpoint\.yaml$", re.M))
+        self.assertRegex(said, re.compile(r'^Added +runs: \["run2", "run3"\]$', re.M))
+        kept = re.search(r"^Old file +(.*)$", said, re.M).group(1)
+        with open(os.path.join(site, kept), encoding="utf-8") as file:
+            self.assertEqual(file.read(), before)
+        self.assertIn("was there and is kept", trigpoint("init", site).stdout)
+
     def test_warnings_and_errors_are_not_lost(self):
         site = os.path.join(self.dir, "broken")
         shutil.copytree(self.site, site, ignore=shutil.ignore_patterns("results", "releases"))

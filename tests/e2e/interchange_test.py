@@ -6,6 +6,7 @@
 A small made-up result is written by hand, so that every number is known; scenes are those of a run that the program
 localizes. Tests of a program that isn't installed are skipped.
 """
+import hashlib
 import json
 import math
 import os
@@ -325,6 +326,9 @@ class Interchange(unittest.TestCase):
             for force in ([], ["--force"]):
                 refused = trigpoint("export", site, "--to", fmt, "--out", os.path.join(site, place), *force, expect=1)
                 self.assertIn(part, refused.stderr)
+                if place.startswith("runs"):
+                    self.assertIn(f"{place}: project", refused.stderr)
+                    self.assertIn("results/export/run1\n", refused.stderr)
         refused = trigpoint("trajectory", f"{site}/runs/run1/odometry.tum", f"{site}/runs/run1/odometry.tum", "--out", f"{site}/runs/run1/run.yaml", expect=1)
         self.assertIn("reads its input there", refused.stderr)
         refused = trigpoint("trajectory", f"{site}/runs/run1/odometry.tum", f"{site}/runs/run1/odometry.tum", "--out", f"{site}/maps/notes.kml", "--force", expect=1)
@@ -338,6 +342,24 @@ class Interchange(unittest.TestCase):
         write(f"{site}/maps/site.kml", "edited")
         self.assertIn("--force", trigpoint("export", site, "--to", "kml", "--out", f"{site}/maps/site.kml", expect=1).stderr)
         trigpoint("export", site, "--to", "kml", "--out", f"{site}/maps/site.kml", "--force")
+
+    def test_results_that_are_not_as_written_are_not_exported(self):
+        site = self.out("changed site")
+        shutil.copytree(self.site, site)
+        stage, file, result = "localize", "cameras.tum", f"{site}/results/localize/run1"
+        for fmt in ("csv", "geojson", "tum"):
+            with open(f"{result}/{file}", "rb") as data:
+                written = data.read()
+            write(f"{result}/manifest.json", json.dumps({"schema": 1, "stage": stage, "status": "done", "files": {file: hashlib.sha256(written).hexdigest()}}))
+            trigpoint("export", site, "--to", fmt, "--out", f"{site}/maps/good_{fmt}")
+            with open(f"{result}/{file}", "wb") as data:
+                data.write(written.replace(b"1", b"5", 1))
+            refused = trigpoint("export", site, "--to", fmt, "--out", f"{site}/maps/bad_{fmt}", expect=1)
+            self.assertIn(f"{result}/{file}: expected what the stage wrote, found another content", refused.stderr)
+            self.assertIn(f"trigpoint localize '{site}' --run run1", refused.stderr)
+            self.assertFalse([left for left in os.listdir(f"{site}/maps") if left.startswith("bad")])
+            with open(f"{result}/{file}", "wb") as data:
+                data.write(written)
 
     def test_marks_leave_the_other_lines_as_they_are(self):
         site = self.out("marked site")
@@ -353,13 +375,19 @@ class Interchange(unittest.TestCase):
                 return rows.read()
 
         def mark(u):
-            trigpoint("mark", site, "P1", "--image", "run1/images/001.jpg", "--at", f"{u:.3f},{v1:.3f}")
-            return f"runs/run1/images/001.jpg,P1,{u:.3f},{v1:.3f},\n"
+            said = trigpoint("mark", site, "P1", "--image", "run1/images/001.jpg", "--at", f"{u:.3f},{v1:.3f}").stdout
+            line = f"runs/run1/images/001.jpg,P1,{u:.3f},{v1:.3f},"
+            self.assertRegex(said, "Added +" + re.escape(line))
+            self.assertRegex(said, "Old file .*results/replaced/.*control_observations.csv")
+            return line + "\n"
 
         self.assertEqual(text(), comment + header + first)
         second = mark(u1)
         self.assertEqual(text(), comment + header + first + second)
-        self.assertFalse(os.path.exists(f"{site}/results/replaced"))
+        kept = os.listdir(f"{site}/results/replaced")
+        self.assertEqual(len(kept), 1)
+        with open(f"{site}/results/replaced/{kept[0]}", encoding="utf-8") as old:
+            self.assertEqual(old.read(), comment + header + first)
         second = mark(u1 + 0.5)
         self.assertEqual(text(), comment + header + first + second)
         trigpoint("mark", site, "P1", "--image", "run1/images/000.jpg", "--remove")

@@ -575,16 +575,18 @@ class Services(unittest.TestCase):
         del two["properties"]["pers:interior_orientation"]
         part = item(self.server, 3, properties={"pers:interior_orientation": {"field_of_view": 70}})
         hostile = [item(self.server, 4, id="../up"), item(self.server, 5, id="out", assets={"hd": {"href": "../../../../etc/passwd"}}), None, 7,
-                   item(self.server, 6, id="gone", assets={"hd": {"href": "gone.jpg"}}), item(self.server, 7, id="plain", assets={"hd": {"href": "http://192.0.2.1/a.jpg"}})]
+                   item(self.server, 6, id="gone", assets={"hd": {"href": "gone.jpg"}}), item(self.server, 7, id="plain", assets={"hd": {"href": "http://192.0.2.1/a.jpg"}}),
+                   item(self.server, 8, id="linked", assets={"hd": {"href": "linked.jpg"}})]
         path = f"{self.folder}/stac/items.json"
         def write(document):
             with open(path, "w", encoding="utf-8") as file:
                 file.write(document if isinstance(document, str) else json.dumps(document))
         write({"type": "FeatureCollection", "features": [*self.server.items, two, part, *hostile]})
-        self.assertIn("5 panoramas:", self.import_file("--from", path, "--list").stdout)
+        os.symlink("/etc/hostname", f"{self.folder}/stac/linked.jpg")
+        self.assertIn("6 panoramas:", self.import_file("--from", path, "--list").stdout)
         self.assertFalse(os.path.exists(self.site))
         done = self.import_file("--from", "stac", "--url", path)
-        for why in ["panorama out", "gone.jpg", "expected one that begins with https://", "1 panorama without a usable id"]:
+        for why in ["panorama out", "linked.jpg: expected a file in", "gone.jpg", "expected one that begins with https://", "1 panorama without a usable id"]:
             self.assertIn(why, done.stderr)
         rows = self.table()
         self.assertEqual([row["file"] for row in rows], [f"panoramas/stac-{self.server.items[0]['id']}.jpg", "panoramas/stac-two.jpg"])
@@ -765,7 +767,12 @@ class Services(unittest.TestCase):
             table.write(re.sub(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", "2024-01-01T00:00:00Z", text) + "panoramas/own.jpg" + "," * (len(text.splitlines()[1].split(",")) - 1) + "\n")
         os.makedirs(f"{self.site}/results/replaced", exist_ok=True)
         shutil.copy(f"{self.site}/panoramas.csv", f"{self.site}/results/replaced/2024-panoramas.csv")
+        before = content(f"{self.site}/panoramas.csv")
         done = subprocess.run([PROGRAM, "status", self.site], capture_output=True, text=True, check=False)
+        self.assertIn("its source allows to keep it until", done.stdout + done.stderr)
+        self.assertEqual(content(f"{self.site}/panoramas.csv"), before)
+        self.assertTrue(os.path.exists(f"{self.site}/panoramas/google-a.jpg"))
+        done = subprocess.run([PROGRAM, "run", self.site], capture_output=True, text=True, check=False)
         self.assertIn("2 panoramas were deleted: their source forbids to keep them longer", done.stdout + done.stderr)
         self.assertEqual([row["file"] for row in self.table()], ["panoramas/own.jpg"])
         self.assertEqual(sorted(os.listdir(f"{self.site}/panoramas")), ["own.jpg"])

@@ -4,6 +4,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/import/providers/listing_service.h"
+#include "datasets/import/source_links.h"
 #include "datasets/io/path_error.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
@@ -51,6 +52,7 @@ class StacFile final : public ListingService {
     if (IsAddress(href)) return GetPicture(client_, Name(), record.id, href, width, cancel);
     const fs::path folder = file_.has_parent_path() ? file_.parent_path() : fs::path(".");
     const fs::path picture = PictureFile(record.id, folder, href);
+    RequireInside(folder, picture);
     std::error_code error;
     const auto size = fs::file_size(picture, error);
     if (error) {
