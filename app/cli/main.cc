@@ -4,20 +4,24 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <iostream>
-#include <new>
 
 #include "app/cli/calibrate_command.h"
 #include "app/cli/command.h"
+#include "app/cli/excerpts.h"
 #include "app/cli/field_commands.h"
 #include "app/cli/interchange_commands.h"
 #include "app/cli/stitch_command.h"
 #include "datasets/io/text.h"
+#include "datasets/project/files.h"
+#include "datasets/project/forked.h"
 
 namespace trigpoint {
 namespace {
 
 CancelToken cancel_token;
+std::vector<std::string> arguments;  // as they were given
 
 // The first Ctrl-C asks the computation to stop, the second one ends the process.
 void OnSignal(int signal) {
@@ -26,6 +30,7 @@ void OnSignal(int signal) {
 }
 
 int Fail(const Session& session, std::string message, int exit_code) {
+  message = WithExcerpts(std::move(message), arguments);
   for (char& c : message) c = c == '\n' ? ' ' : c;
   if (session.HoldsWarnings()) {  // there will be no ending to show them
     for (const auto& [level, text] : session.messages->said()) {
@@ -46,6 +51,42 @@ int CheckPrinted(int exit_code) {
   return exit_code == 0 ? 1 : exit_code;
 }
 
+// Names that were given as '': NearestName would find one for them.
+std::string EmptyName(const CLI::App& app) {
+  for (const CLI::App* command : app.get_subcommands()) {
+    for (const char* name : {"--run", "--to"}) {
+      const CLI::Option* option = command->get_option_no_throw(name);
+      if (option == nullptr) continue;
+      const std::vector<std::string>& given = option->results();
+      if (std::find(given.begin(), given.end(), "") != given.end()) return name;
+    }
+    if (const std::string name = EmptyName(*command); !name.empty()) return name;
+  }
+  return "";
+}
+
+int Act(Session& session) {
+  try {
+    return CheckPrinted(session.action(session));
+  } catch (const Error& e) {
+    return Fail(session, e.what(), e.ExitCode());
+  } catch (const std::filesystem::filesystem_error& e) {
+    return Fail(session, IoErrorFor(e.path1(), "used", e.code().value()).what(), 1);
+  } catch (const nlohmann::json::type_error& e) {
+    const std::string said = e.what();  // "[json.exception.type_error.302] type must be number, but is string"
+    return Fail(
+        session,
+        "a JSON file holds a value of another type than expected, most likely a manifest.json below results/ that "
+        "was changed by hand: remove that result and run its stage again (" +
+            said.substr(std::min(said.size(), said.find("] ") + 2)) + ")",
+        1);
+  } catch (const std::exception& e) {
+    return Fail(session, OutOfMemory(e).value_or(std::string("unexpected error: ") + e.what()), 1);
+  } catch (...) {
+    return Fail(session, "unexpected error of unknown kind", 1);
+  }
+}
+
 int Launch(int argc, char** argv) {
   CLI::App app(
       "Trigpoint: from a folder of images to localized panoramas, and how good they are.\n"
@@ -56,6 +97,7 @@ int Launch(int argc, char** argv) {
   Session session;
   AddCommonOptions(app, session.options);
   session.cancel = &cancel_token;
+  arguments.assign(argv + 1, argv + argc);
   AddDemoCommand(app, session);
   AddInitCommand(app, session);
   AddStatusCommand(app, session);
@@ -104,20 +146,11 @@ int Launch(int argc, char** argv) {
     const std::string command = parsed.empty() ? "" : parsed.front()->get_name() + " ";
     return Fail(session, std::string(e.what()) + "; see trigpoint " + command + "--help", 2);
   }
+  if (const std::string name = EmptyName(app); !name.empty()) return Fail(session, name + " '': expected a name", 2);
   std::signal(SIGINT, OnSignal);
   std::signal(SIGTERM, OnSignal);
   std::signal(SIGXFSZ, SIG_IGN);  // a file beyond its limit (ulimit -f) is then an error of the write
-  try {
-    return CheckPrinted(session.action(session));
-  } catch (const Error& e) {
-    return Fail(session, e.what(), e.ExitCode());
-  } catch (const std::bad_alloc&) {
-    return Fail(session, "not enough memory", 1);
-  } catch (const std::exception& e) {
-    return Fail(session, std::string("unexpected error: ") + e.what(), 1);
-  } catch (...) {
-    return Fail(session, "unexpected error of unknown kind", 1);
-  }
+  return Act(session);
 }
 
 }  // namespace

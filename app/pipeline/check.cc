@@ -85,13 +85,21 @@ void FindCalibrations(const SurveyInput& input, const SurveyOptions& options, in
   }
 }
 
-std::optional<FieldClock> ClockOf(const FieldRun& run, const PairLog& pairs) {
-  // A lens that is guessed shows rotations that are wrong by its focal length.
-  const auto is_guess = [](const BodyCamera& c) { return c.focal_sigma_share >= kWildGuess; };
-  if (std::any_of(run.run->cameras.begin(), run.run->cameras.end(), is_guess)) return std::nullopt;
-  const auto clock = FindOdometryClock(run.run->odometry, TurnsOf(run, pairs), kMostOffset_s);
+std::optional<FieldClock> ClockOf(const FieldRun& run, const std::vector<MeasuredTurn>& turns) {
+  const auto clock = FindOdometryClock(run.run->odometry, turns, kMostOffset_s);
   if (!clock) return std::nullopt;
   return FieldClock{clock->offset_s, clock->sigma_s, clock->agrees, clock->significant};
+}
+
+// Odometry's clock, and how its poses are to be read.
+void CompareTurns(const PairLog& pairs, FieldRun* run) {
+  // A lens that is guessed shows rotations that are wrong by its focal length.
+  const auto is_guess = [](const BodyCamera& c) { return c.focal_sigma_share >= kWildGuess; };
+  if (std::any_of(run->run->cameras.begin(), run->run->cameras.end(), is_guess)) return;
+  const std::vector<MeasuredTurn> turns = TurnsOf(*run, pairs);
+  run->clock = ClockOf(*run, turns);
+  if (run->clock && run->clock->significant) return;  // with its clock corrected it agrees
+  run->reading_problem = FindOtherReading(*run->run, turns, "odometry.tum").value_or("");
 }
 
 }  // namespace
@@ -221,7 +229,7 @@ void SiteCheck::AddPictures(CheckOutcome* outcome) const {
       }
     }
     field.unit_problem = FindOtherUnit(run).value_or("");
-    field.clock = ClockOf(field, *pairs_);
+    CompareTurns(*pairs_, &field);
     outcome->pictures += static_cast<int>(field.pictures.size());
     outcome->waiting += field.waiting;
     outcome->facts.runs.push_back(std::move(field));
@@ -308,6 +316,7 @@ void SiteCheck::AddPlanned(FieldFacts* facts) const {
 DetectionsOfRuns SiteCheck::DetectionsOf(const FieldFacts& facts) const {
   DetectionsOfRuns detections;
   for (const FieldRun& run : facts.runs) {
+    if (!run.reading_problem.empty()) continue;  // a map would blame what is right for it
     std::vector<ImageDetections>& its = detections[run.run->name];
     for (const FieldPicture& picture : run.pictures) {
       const auto c = static_cast<size_t>(picture.camera);

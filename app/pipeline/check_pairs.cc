@@ -1,11 +1,14 @@
 #include "app/pipeline/check_pairs.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
+#include "calib/geometry/pose_readings.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 
@@ -128,6 +131,37 @@ std::vector<MeasuredTurn> TurnsOf(const FieldRun& run, const PairLog& log) {
     turns.push_back({stamp(a), stamp(b), camera.cam_from_body.rotation, *shared->b_from_a});
   }
   return turns;
+}
+
+std::optional<std::string> FindOtherReading(const Run& run, const std::vector<MeasuredTurn>& turns,
+                                            const std::string& odometry) {
+  constexpr int64_t kGap_ns = 2'000'000'000;
+  constexpr double kSigma_rad = 0.5 * kDegToRad;  // of a turn by the features of shrunk pictures
+  std::vector<Rigid3d> poses;
+  std::vector<MeasuredMotion> motions;
+  for (const MeasuredTurn& turn : turns) {
+    const auto a = run.odometry.At(turn.a_ns, kGap_ns), b = run.odometry.At(turn.b_ns, kGap_ns);
+    if (!a || !b) continue;
+    MeasuredMotion motion;
+    motion.a = static_cast<int>(poses.size()), motion.b = motion.a + 1;
+    motion.sensor_from_body.rotation = turn.sensor_from_body;
+    motion.b_from_a.rotation = turn.b_from_a;
+    motion.sigma_rotation_rad = kSigma_rad;
+    poses.insert(poses.end(), {*a, *b});
+    motions.push_back(motion);
+  }
+  const ReadingVerdict verdict = JudgeReadings(poses, motions, PoseReadings());
+  if (verdict.kind != ReadingVerdict::Kind::kContradicted || verdict.better.empty()) return std::nullopt;
+  std::string text = fmt::format("{} contradicts the pictures: as read, its rotations agree with {} of {} pairs",
+                                 odometry, verdict.as_read.turns_agree, verdict.as_read.turns);
+  constexpr size_t kNamed = 3;
+  for (size_t i = 0; i < std::min(verdict.better.size(), kNamed); ++i) {
+    const PoseReading& better = verdict.better[i];
+    text += (i == 0 ? fmt::format("; they agree with {} of {} if ", verdict.best.turns_agree, verdict.best.turns)
+                    : std::string("; or if ")) +
+            better.what + ": " + better.mend;
+  }
+  return text;
 }
 
 size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads, ProgressSink& progress,

@@ -33,6 +33,12 @@ std::vector<FieldPair> PairsOf(const FieldRun& run, const PairLog& log);
 // Rotations between pictures in a row, as far as they were compared.
 std::vector<MeasuredTurn> TurnsOf(const FieldRun& run, const PairLog& log);
 
+// Whether odometry is meant in another way than file_formats.md states: a message that names the reading with which it
+// turns as the pictures do, and what to do. Nothing where it agrees as it is, where no other reading does, and where
+// too few pictures turn. `odometry` names the file.
+std::optional<std::string> FindOtherReading(const Run& run, const std::vector<MeasuredTurn>& turns,
+                                            const std::string& odometry);
+
 // Compares pairs of one run, at most `most` of those that are not in the log. Returns how many.
 size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads, ProgressSink& progress,
                     const CancelToken& cancel);

@@ -31,7 +31,9 @@ void WarnOfEarlierResults(const Project& project, const Job& job, const std::vec
   for (const JobResult& other : needed) {
     if (other.end != JobEnd::kFailed && other.end != JobEnd::kSkipped) continue;
     const std::string name = ResultName(*other.job.stage, other.job.target);
-    const bool there = ReadManifest(project, other.job.stage->name, name).has_value();
+    const auto failure = ReadFailure(project, other.job.stage->name, name);
+    const bool refused = failure && failure->contains("refused");  // then nothing of that run is used
+    const bool there = !refused && ReadManifest(project, other.job.stage->name, name).has_value();
     progress.Log(LogLevel::kWarning, job.Title() + ": " + other.job.Title() + " " + std::string(JobEndName(other.end)) +
                                          (there ? ", its earlier result is used" : ", it takes no part"));
   }

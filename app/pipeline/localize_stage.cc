@@ -119,7 +119,21 @@ void LeaveOutSets(Site* site, ProgressSink& progress) {
   }
 }
 
-void WarnOfEarth(const Localization& result, ProgressSink& progress) {
+// Why a run is not georeferenced depends on how much there is that could do it.
+void CountGeotags(const LocalizeJob& job, Localization* result) {
+  if (result->on_earth || result->earth_reason.empty()) return;
+  int geotags = 0;
+  for (size_t i = 0; i < result->references.size(); ++i) {
+    geotags += result->references[i].pose >= 0 && job.input.references[i].geotag.has_position ? 1 : 0;
+  }
+  result->earth_reason += fmt::format(
+      "; of {} panoramas and photos {} are localized and have a geotag, and {} GPS fixes lie at the images' times",
+      result->references.size(), geotags, job.gps.size());
+}
+
+void WarnOfEarth(const LocalizeJob& job, Localization* localization, ProgressSink& progress) {
+  CountGeotags(job, localization);
+  const Localization& result = *localization;
   if (!result.earth_reason.empty()) {
     progress.Log(LogLevel::kWarning, (result.on_earth ? "" : "not georeferenced: ") + result.earth_reason);
   }
@@ -312,7 +326,7 @@ StageInfo LocalizeStage() {
         return Localize(job.input, std::move(reconstruction), job.gps, how, context.threads, context.seed,
                         context.progress, context.cancel, refine, evidence);
       });
-      WarnOfEarth(result, context.progress);
+      WarnOfEarth(job, &result, context.progress);
       NoteSources(result, &context);
       ExplainByDate(site, r, job, &result);
       WriteLocalization(site, job, result, context.out);

@@ -6,6 +6,7 @@
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/stage_list.h"
+#include "datasets/project/manifest.h"
 #include "datasets/solution/solution_file.h"
 #include "localize/reconstruct/lens_check.h"
 #include "localize/reconstruct/odometry_check.h"
@@ -16,6 +17,8 @@ namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr const char* kOdometry = "odometry";
 
 ReconstructRunOptions OptionsFor(const Project& project, const StageTarget& target) {
   const bool paper = ModeOf(project, target) == "paper";
@@ -70,10 +73,10 @@ nlohmann::json ReconstructionMetrics(const LocalizeJob& job, const RunReconstruc
 
 // Refuses odometry that follows other conventions than those of docs/file_formats.md.
 void RequireConventions(const Run& run, const LocalizeInput& input, StageContext& context) {
-  if (const auto unit = FindOtherUnit(run)) throw InputError(*unit);
+  if (const auto unit = FindOtherUnit(run)) throw RefusedInput(kOdometry, *unit);
   const auto contradiction = FindContradiction(input, run.odometry, (run.dir / "odometry.tum").string(), {},
                                                context.threads, context.seed, context.progress, context.cancel);
-  if (contradiction) throw InputError(*contradiction);
+  if (contradiction) throw RefusedInput(kOdometry, *contradiction);
 }
 
 // Images alone know a run's shape as well as its lens: what another lens would make of it is part of the covariances.
@@ -196,6 +199,18 @@ Solution ReadReconstruction(const Project& project, const std::string& reader, c
                      " is missing); run `trigpoint reconstruct` first");
   }
   return ReadSolution(file);
+}
+
+std::optional<std::string> WhyOdometryIsRefused(const Project& project, const std::string& reader,
+                                                const StageTarget& target) {
+  const StageInfo& stage = StageNamed("reconstruct");
+  const StageTarget its = TargetRead(project, stage, reader, target);
+  const auto failure = ReadFailure(project, stage.name, ResultName(stage, its));
+  if (!failure || failure->value("refused", "") != kOdometry) return std::nullopt;
+  // The failure may be of other files than those that are there now.
+  const StageState state = StateOf(project, MakeRequest(project, stage, its), failure->value("seed", uint64_t{1}));
+  if (state != StageState::kFailed) return std::nullopt;
+  return failure->value("error", "");
 }
 
 StageInfo ReconstructStage() {

@@ -1,6 +1,7 @@
 // The stage behind `trigpoint reconstruct`: each run by itself, once, for all that extend or read it.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "app/pipeline/stages.h"
@@ -17,5 +18,9 @@ std::filesystem::path ReconstructionManifest(const Project& project, const std::
 
 // That reconstruction. Throws InputError if there is none.
 Solution ReadReconstruction(const Project& project, const std::string& reader, const StageTarget& target);
+
+// Why that reconstruction refused the run's odometry as it is now; nothing if it did not.
+std::optional<std::string> WhyOdometryIsRefused(const Project& project, const std::string& reader,
+                                                const StageTarget& target);
 
 }  // namespace trigpoint

@@ -602,11 +602,32 @@ bool UsesScenePoints(const SurveyStageOptions& options, const Run& run) {
   return options.tie_points && !options.map.self_calibrate && !run.odometry.poses.empty() && !run.images.empty();
 }
 
+std::map<std::string, std::string> RunsOfRefusedOdometry(const Project& project, const StageTarget& target,
+                                                         const SurveyStageOptions& options) {
+  std::map<std::string, std::string> refused;
+  for (const Run* run : SurveyRuns(project)) {
+    StageTarget its = target;
+    its.run = run->name;
+    if (!options.map.check_conventions) break;
+    if (const auto why = WhyOdometryIsRefused(project, "survey", its)) refused[run->name] = *why;
+  }
+  return refused;
+}
+
 SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const SurveyStageOptions& options,
                         StageContext& context, const DetectionsOfRuns* detections) {
   SurveyJob job;
   job.input.sizes = project.site().tags;
-  for (const Run* run : SurveyRuns(project)) AddRun(project, target, options, *run, detections, &job);
+  // Detections of the caller's: it has looked at odometry itself.
+  const auto refused =
+      detections == nullptr ? RunsOfRefusedOdometry(project, target, options) : std::map<std::string, std::string>();
+  for (const auto& [run, why] : refused) {
+    job.warnings.push_back("run " + run + " takes no part, as `trigpoint reconstruct` refused its odometry: " + why);
+  }
+  for (const Run* run : SurveyRuns(project)) {
+    if (!refused.contains(run->name)) AddRun(project, target, options, *run, detections, &job);
+  }
+  if (job.input.runs.empty() && !refused.empty()) throw InputError("no run is left: " + job.warnings.front());
   if (options.photo_sets) AddPhotoSets(project, DetectorOptions(project, target), context, &job);
   if (job.input.runs.empty()) throw InputError("no run has detections: run `trigpoint detect` first");
   AddDistances(project, &job);

@@ -82,6 +82,11 @@ using DetectionsOfRuns = std::map<std::string, std::vector<ImageDetections>>;
 // Do scene points tie this run's images? Its reconstruction is read then.
 bool UsesScenePoints(const SurveyStageOptions& options, const Run& run);
 
+// Runs whose odometry `reconstruct` refused, and why: a map cannot rest on it. None where the option check_conventions
+// of the map is off.
+std::map<std::string, std::string> RunsOfRefusedOdometry(const Project& project, const StageTarget& target,
+                                                         const SurveyStageOptions& options);
+
 // Throws InputError, OptionError.
 SurveyJob MakeSurveyJob(const Project& project, const StageTarget& target, const SurveyStageOptions& options,
                         StageContext& context, const DetectionsOfRuns* detections = nullptr);

@@ -247,6 +247,8 @@ StageInfo SurveyStage() {
     request.inputs = SurveyInputs(project, target, options);
     request.values["detector"] = JsonFromOptions(DetectorOptions(project, target));
     for (const Run* run : SurveyRuns(project)) request.values["runs"].push_back(run->name);
+    const auto refused = RunsOfRefusedOdometry(project, target, options);
+    if (!refused.empty()) request.values["refused_odometry"] = refused;
     if (project.has_frame()) {
       const Geodetic& origin = project.frame().origin();
       request.values["origin"] = {origin.latitude_deg, origin.longitude_deg, origin.height_m};

@@ -30,10 +30,25 @@ int CameraIndex(const Run& run, std::string_view name) {
                    NearestName(name, names) + "'");
 }
 
+// `1000,500000 images/000100.jpg`; a file may have a number as its name, but hardly one without an ending.
+bool HasDecimalComma(std::string_view line) {
+  const std::vector<std::string_view> words = SplitFields(line);
+  const auto is_digits = [](std::string_view text) {
+    return !text.empty() && text.find_first_not_of("0123456789") == std::string_view::npos;
+  };
+  const size_t comma = words.front().find(',');
+  return words.size() > 1 && comma != std::string_view::npos && is_digits(words.front().substr(0, comma)) &&
+         is_digits(words.front().substr(comma + 1));
+}
+
 // `timestamp file [camera]`; a file name with spaces may be quoted, and need not if no camera follows.
 ImageEntry ParseLine(const std::filesystem::path& site_dir, const Run& run, std::string_view line,
                      const std::string& where) {
   const size_t end = std::min(line.find_first_of(" \t,;"), line.size());
+  if (HasDecimalComma(line)) {
+    throw InputError("found the time '" + Excerpt(SplitFields(line).front()) +
+                     "' with a decimal comma; expected a dot");
+  }
   ImageEntry entry;
   entry.stamp_ns = ParseSecondsToNs(line.substr(0, end));
   std::string_view rest = end < line.size() ? Trim(line.substr(end + 1)) : std::string_view();

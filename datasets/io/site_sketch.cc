@@ -10,6 +10,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/tag_families.h"
 #include "datasets/io/text.h"
 
@@ -133,6 +134,14 @@ Geodetic GeodeticOf(const nlohmann::json& position, double height, const std::st
   return {position[1].get<double>(), position[0].get<double>(), height};
 }
 
+// A member that is an object, or empty where it is not there or null.
+nlohmann::json ObjectIn(const nlohmann::json& feature, const char* name, const std::string& where) {
+  const auto it = feature.find(name);
+  if (it == feature.end() || it->is_null()) return nlohmann::json::object();
+  if (!it->is_object()) throw InputError(where + ": " + name + ": expected an object, found " + Excerpt(it->dump()));
+  return *it;
+}
+
 std::vector<SketchItem> ReadGeoJson(const std::filesystem::path& file) {
   const nlohmann::json json = nlohmann::json::parse(ReadTextFile(file), nullptr, false);
   if (json.is_discarded() || !json.is_object() || !json.contains("features") || !json["features"].is_array()) {
@@ -142,13 +151,16 @@ std::vector<SketchItem> ReadGeoJson(const std::filesystem::path& file) {
   int index = 0;
   for (const nlohmann::json& feature : json["features"]) {
     const std::string where = file.string() + ": feature " + std::to_string(index++);
-    const nlohmann::json properties = feature.value("properties", nlohmann::json::object());
-    const nlohmann::json geometry = feature.value("geometry", nlohmann::json::object());
+    if (!feature.is_object()) {
+      throw InputError(where + ": expected a GeoJSON Feature, found " + Excerpt(feature.dump()));
+    }
+    const nlohmann::json properties = ObjectIn(feature, "properties", where);
+    const nlohmann::json geometry = ObjectIn(feature, "geometry", where);
     const auto number = [&](const char* key, double missing) {
       const auto it = properties.find(key);
       if (it == properties.end() || it->is_null()) return missing;
       if (!it->is_number())
-        throw InputError(where + ": property '" + key + "': expected a number, found " + it->dump());
+        throw InputError(where + ": property '" + key + "': expected a number, found " + Excerpt(it->dump()));
       return it->get<double>();
     };
     const auto text = [&](const char* key) {
@@ -166,9 +178,9 @@ std::vector<SketchItem> ReadGeoJson(const std::filesystem::path& file) {
     item.sigma_v_m = number("sigma_v_m", item.sigma_v_m);
     item.tag_id = static_cast<int>(number("tag_id", -1));
     const double height = number("height_m", 0);
-    const std::string type = geometry.is_object() ? geometry.value("type", "") : "";
-    const nlohmann::json coordinates =
-        geometry.is_object() ? geometry.value("coordinates", nlohmann::json::array()) : nlohmann::json::array();
+    const nlohmann::json kind = geometry.value("type", nlohmann::json(""));
+    const std::string type = kind.is_string() ? kind.get<std::string>() : Excerpt(kind.dump());
+    const nlohmann::json coordinates = geometry.value("coordinates", nlohmann::json::array());
     if (type == "LineString") {
       if (item.name.empty()) item.name = "line " + std::to_string(index);
       for (const nlohmann::json& position : coordinates) {

@@ -7,6 +7,7 @@
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/lines.h"
+#include "datasets/io/pose_rows.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 
@@ -15,30 +16,7 @@ namespace {
 
 constexpr int64_t kNsPerSecond = 1'000'000'000;
 
-// Columns of a pose in a row of numbers: TUM puts the quaternion's w last, EuRoC first.
-enum class Order { kTum, kEuroc };
-
-std::vector<std::string_view> Fields(std::string_view line) {
-  if (line.find(',') == std::string_view::npos) return SplitFields(line);
-  std::vector<std::string_view> fields;
-  for (size_t at = 0; at <= line.size();) {
-    const size_t end = std::min(line.find(',', at), line.size());
-    fields.push_back(Trim(line.substr(at, end - at)));
-    at = end + 1;
-  }
-  return fields;
-}
-
-// The order a header's names tell: the first name that begins with q ends in w, or not.
-std::optional<Order> OrderOfHeader(std::string_view header) {
-  for (std::string_view name : Fields(header)) {
-    name = name.substr(0, name.find_first_of(" ["));
-    if (name.starts_with('q') && name.size() >= 2) return name.ends_with('w') ? Order::kEuroc : Order::kTum;
-  }
-  return std::nullopt;
-}
-
-Rigid3d ParsePose(const std::vector<std::string_view>& fields, Order order) {
+Rigid3d ParsePose(const std::vector<std::string_view>& fields, bool w_first) {
   double v[7];
   for (size_t i = 0; i < 7; ++i) {
     const std::optional<double> value = ParseDouble(fields[i + 1]);
@@ -47,73 +25,11 @@ Rigid3d ParsePose(const std::vector<std::string_view>& fields, Order order) {
     v[i] = *value;
   }
   const Eigen::Quaterniond q =
-      order == Order::kTum ? Eigen::Quaterniond(v[6], v[3], v[4], v[5]) : Eigen::Quaterniond(v[3], v[4], v[5], v[6]);
+      w_first ? Eigen::Quaterniond(v[3], v[4], v[5], v[6]) : Eigen::Quaterniond(v[6], v[3], v[4], v[5]);
   if (std::abs(q.norm() - 1) > 1e-3) {
     throw InputError("expected a unit quaternion, found one of length " + std::to_string(q.norm()));
   }
   return {q, {v[0], v[1], v[2]}};
-}
-
-// How well the body's direction of travel agrees over the trajectory, 0 to 1; nothing without enough motion.
-std::optional<double> TravelAgreement(const std::vector<std::vector<std::string_view>>& rows, Order order) {
-  std::vector<Rigid3d> poses;
-  for (const auto& row : rows) {
-    try {
-      poses.push_back(ParsePose(row, order));
-    } catch (const InputError&) {  // the reader names it
-    }
-  }
-  if (poses.empty()) return std::nullopt;
-  double reach = 0;
-  for (const Rigid3d& pose : poses) {
-    reach = std::max(reach, (pose.translation - poses.front().translation).norm());
-  }
-  constexpr int kLeastSteps = 8;
-  const double step = reach / 50;
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  int steps = 0;
-  const Rigid3d* last = &poses.front();
-  for (const Rigid3d& pose : poses) {
-    const Eigen::Vector3d moved = pose.translation - last->translation;
-    if (!(moved.norm() > step)) continue;
-    sum += (last->rotation.conjugate() * moved).normalized();
-    last = &pose;
-    ++steps;
-  }
-  if (steps < kLeastSteps) return std::nullopt;
-  return sum.norm() / steps;
-}
-
-// The order of rows with commas and no header: EuRoC's rows go on with velocity and biases; of eight fields, the
-// motion decides where it can.
-Order OrderOfRows(const std::filesystem::path& file, const std::vector<DataLine>& lines) {
-  constexpr size_t kPose = 8;
-  std::vector<std::vector<std::string_view>> rows;
-  for (const DataLine& line : lines) {
-    std::vector<std::string_view> fields = Fields(line.text);
-    if (fields.size() > kPose) return Order::kEuroc;
-    if (fields.size() == kPose) rows.push_back(std::move(fields));
-  }
-  constexpr double kAgrees = 0.9, kApart = 0.2;
-  const std::optional<double> tum = TravelAgreement(rows, Order::kTum), euroc = TravelAgreement(rows, Order::kEuroc);
-  if (tum && euroc) {
-    if (*tum > kAgrees && *euroc < *tum - kApart) return Order::kTum;
-    if (*euroc > kAgrees && *tum < *euroc - kApart) return Order::kEuroc;
-  }
-  throw InputError(file.string() +
-                   ": 8 fields with commas and no header: the motion does not show whether the quaternion's w comes "
-                   "first (EuRoC) or last (TUM); expected a header line such as 'timestamp,tx,ty,tz,qx,qy,qz,qw'");
-}
-
-// `0,5 1,25`: numbers written with a decimal comma.
-bool HasDecimalCommas(std::string_view line) {
-  const std::vector<std::string_view> words = SplitFields(line);
-  const auto decimal = [](std::string_view word) {
-    const size_t comma = word.find(',');
-    return comma != std::string_view::npos && comma > 0 && comma + 1 < word.size() &&
-           word.find_first_not_of("+-0123456789,eE") == std::string_view::npos;
-  };
-  return words.size() > 1 && std::count_if(words.begin(), words.end(), decimal) > 1;
 }
 
 // Sorts, drops doubled stamps, and says so.
@@ -191,36 +107,21 @@ std::optional<Rigid3d> Trajectory::At(int64_t stamp_ns, int64_t max_gap_ns) cons
 
 Trajectory ReadTrajectory(const std::filesystem::path& file) {
   const std::string text = ReadTextFile(file);
-  std::vector<std::string_view> comments;
-  std::vector<DataLine> lines = DataLines(text, &comments);
-  std::optional<Order> order;
-  for (std::string_view comment : comments) order = order ? order : OrderOfHeader(comment);
-  if (!lines.empty() && OrderOfHeader(lines.front().text)) {  // a header row without '#'
-    order = OrderOfHeader(lines.front().text);
-    lines.erase(lines.begin());
-  }
-  const auto has_comma = [](const DataLine& line) { return line.text.find(',') != std::string_view::npos; };
-  if (const auto decimal =
-          std::find_if(lines.begin(), lines.end(), [](const DataLine& line) { return HasDecimalCommas(line.text); });
-      decimal != lines.end()) {
-    throw InputError(FileLine(file, decimal->number) + ": found numbers with a decimal comma; expected a dot");
-  }
-  if (!order) {
-    order = std::any_of(lines.begin(), lines.end(), has_comma) ? OrderOfRows(file, lines) : Order::kTum;
-  }
+  const PoseRows rows = FindPoseRows(file, text);
   Trajectory trajectory;
-  trajectory.poses.reserve(lines.size());
+  trajectory.poses.reserve(rows.lines.size());
   BadRows bad(file);
-  for (const DataLine& line : lines) {
-    const std::vector<std::string_view> fields = Fields(line.text);
+  for (const DataLine& line : rows.lines) {
+    const std::vector<std::string_view> fields = PoseFields(line.text);
+    const bool has_comma = line.text.find(',') != std::string_view::npos;
     // EuRoC rows go on with velocity and biases; a TUM row has eight fields and no more.
-    if (fields.size() < 8 || (!has_comma(line) && fields.size() > 8)) {
+    if (fields.size() < 8 || (!has_comma && fields.size() > 8)) {
       bad.Add(line.number,
               "expected 8 numbers 'timestamp tx ty tz qx qy qz qw', found " + Counted(fields.size(), "field"));
       continue;
     }
     try {
-      trajectory.poses.push_back({ParseSecondsToNs(fields[0]), ParsePose(fields, *order)});
+      trajectory.poses.push_back({ParseSecondsToNs(fields[0]), ParsePose(fields, rows.w_first)});
     } catch (const InputError& e) {
       bad.Add(line.number, e.what());
     }

@@ -14,7 +14,9 @@
 #include <fstream>
 #include <mutex>
 #include <new>
+#include <opencv2/core.hpp>
 #include <sstream>
+#include <system_error>
 
 #include "calib/base/error.h"
 #include "datasets/project/files.h"
@@ -92,10 +94,12 @@ ErrorKind KindOf(const Error& error) {
     out.Write(kResult, 0, body(out));
   } catch (const Error& e) {
     out.Write(kError, KindOf(e), e.what());
-  } catch (const std::bad_alloc&) {
-    out.Write(kNoMemory, 0, "");
   } catch (const std::exception& e) {
-    out.Write(kError, kOther, std::string("unexpected error: ") + e.what());
+    if (OutOfMemory(e)) {
+      out.Write(kNoMemory, 0, "");
+    } else {
+      out.Write(kError, kOther, std::string("unexpected error: ") + e.what());
+    }
   }
   _exit(0);
 }
@@ -145,6 +149,19 @@ std::optional<int64_t> TicksAsleep(pid_t process) {
 }
 
 }  // namespace
+
+std::optional<std::string> OutOfMemory(const std::exception& error) {
+  if (const auto* system = dynamic_cast<const std::system_error*>(&error);
+      system != nullptr && system->code() == std::errc::resource_unavailable_try_again) {
+    return "not enough memory for another thread, or too many threads are running; use fewer --threads";
+  }
+  const auto* opencv = dynamic_cast<const cv::Exception*>(&error);
+  if (dynamic_cast<const std::bad_alloc*>(&error) == nullptr &&
+      (opencv == nullptr || opencv->code != cv::Error::StsNoMem)) {
+    return std::nullopt;
+  }
+  return "not enough memory; use fewer --threads or smaller images";
+}
 
 // The child's side of the conversation, read until it ends.
 class ForkedTask::Listener {

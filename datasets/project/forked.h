@@ -20,6 +20,10 @@ class MemoryError : public Error {
   using Error::Error;
 };
 
+// What to say of an error that memory ran out (std::bad_alloc, OpenCV's, a thread that cannot be started) and what to
+// do; nothing for other errors.
+std::optional<std::string> OutOfMemory(const std::exception& error);
+
 struct ForkedResult {
   std::string bytes;              // what the body returned
   int64_t peak_memory_bytes = 0;  // resident

@@ -2,10 +2,20 @@
 #pragma once
 
 #include <string>
+#include <utility>
 
+#include "calib/base/error.h"
 #include "datasets/project/project.h"
 
 namespace trigpoint {
+
+// Input that a stage's check refuses. The record of the failed attempt keeps `what`, e.g. "odometry", so that stages
+// which can do without that result know that the input itself is wrong.
+class RefusedInput : public InputError {
+ public:
+  RefusedInput(std::string what, const std::string& message) : InputError(message), what_is_refused(std::move(what)) {}
+  std::string what_is_refused;
+};
 
 // Is there a manifest that is not what was written?
 bool HasDamagedManifest(const Project& project, const std::string& stage, const std::string& name);

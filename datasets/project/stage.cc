@@ -11,7 +11,6 @@
 #include <fstream>
 #include <map>
 #include <mutex>
-#include <new>
 #include <sstream>
 
 #include "calib/base/memory.h"
@@ -298,9 +297,8 @@ void CallTranslated(const std::function<void()>& body) {
     throw;
   } catch (const fs::filesystem_error& e) {
     throw IoErrorFor(e.path1(), "used", e.code().value());
-  } catch (const std::bad_alloc&) {
-    throw MemoryError("not enough memory; use fewer --threads or smaller images");
   } catch (const std::exception& e) {
+    if (const auto said = OutOfMemory(e)) throw MemoryError(*said);
     throw Error(std::string("unexpected error: ") + e.what());
   }
 }
@@ -351,6 +349,8 @@ class Attempt {
       } catch (const Error& e) {
         finish("failed");
         manifest_["error"] = e.what();
+        if (const auto* refused = dynamic_cast<const RefusedInput*>(&e))
+          manifest_["refused"] = refused->what_is_refused;
         manifest_["metrics"] = json::object();
         log.Write("error", e.what());
         LeaveRecord();

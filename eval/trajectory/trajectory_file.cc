@@ -7,23 +7,13 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/lines.h"
+#include "datasets/io/pose_rows.h"
 #include "datasets/io/text.h"
 #include "eval/statistics/statistics.h"
 #include "eval/trajectory/trajectory.h"
 
 namespace trigpoint {
 namespace {
-
-std::vector<std::string_view> Fields(std::string_view line) {
-  if (line.find(',') == std::string_view::npos) return SplitFields(line);
-  std::vector<std::string_view> fields;
-  while (true) {
-    const size_t comma = line.find(',');
-    fields.push_back(Trim(line.substr(0, comma)));
-    if (comma == std::string_view::npos) return fields;
-    line.remove_prefix(comma + 1);
-  }
-}
 
 template <size_t kCount>
 std::array<double, kCount> Numbers(const std::vector<std::string_view>& fields, size_t begin,
@@ -84,11 +74,12 @@ void SortByTime(const std::string& file, PoseSequence* sequence) {
 PoseSequence ReadPoseSequence(const std::filesystem::path& file) {
   const std::string text = ReadTextFile(file);
   PoseSequence sequence;
+  const PoseRows rows = HasKittiRows(text) ? PoseRows{DataLines(text), false} : FindPoseRows(file, text);
   size_t columns = 0;
-  for (const auto& [line, number] : DataLines(text)) {
+  for (const auto& [line, number] : rows.lines) {
     const std::string where = FileLine(file, number);
     const bool csv = line.find(',') != std::string_view::npos;
-    const std::vector<std::string_view> fields = Fields(line);
+    const std::vector<std::string_view> fields = PoseFields(line);
     if (sequence.poses.empty()) columns = fields.size();
     if (fields.size() != columns || (csv ? columns < 8 : columns != 8 && columns != 12)) {
       throw InputError(fmt::format("{}: expected {}, found {} fields", where,
@@ -100,7 +91,7 @@ PoseSequence ReadPoseSequence(const std::filesystem::path& file) {
     if (columns == 12 && !csv) {
       sequence.poses.push_back(KittiPose(Numbers<12>(fields, 0, where), where));
     } else {
-      sequence.poses.push_back(QuaternionPose(Numbers<7>(fields, 1, where), csv, where));
+      sequence.poses.push_back(QuaternionPose(Numbers<7>(fields, 1, where), rows.w_first, where));
       try {
         sequence.stamps_ns.push_back(ParseSecondsToNs(fields[0]));
       } catch (const InputError& e) {

@@ -590,16 +590,16 @@ void WidenTurns(const std::vector<OtherTurn>& turns, Matrix7d* covariance) {
 }
 
 std::string NoDirection(const std::vector<GeoObservation>& obs) {
-  const auto geotags = static_cast<size_t>(
+  const auto positions = static_cast<size_t>(
       std::count_if(obs.begin(), obs.end(), [](const GeoObservation& o) { return o.has_position; }));
-  if (geotags == 0) return fmt::format("none of {} localized geotags has a position that is used", obs.size());
-  if (geotags == 1) {
-    return "one localized geotag without heading does not fix the run's direction: at least two are needed";
+  if (positions == 0) {
+    return fmt::format("none of {} localized panoramas or photos has a position that is used", obs.size());
   }
   return fmt::format(
-      "none of {} localized geotags or GPS fixes has a heading, and they lie within {} m of each other: they do not "
-      "fix the run's direction",
-      geotags, kApart_m);
+      "{} position{} (of localized panoramas and photos with a geotag, and of GPS fixes) {}, without a heading: the "
+      "run's direction is not known; expected positions more than {} m apart, or a geotag with a heading",
+      positions, positions == 1 ? "" : "s",
+      positions == 1 ? "is there" : fmt::format("lie within {} m of each other", kApart_m), kApart_m);
 }
 
 // How far positions are off, squared and over what their sigmas allow.

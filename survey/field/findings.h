@@ -57,7 +57,8 @@ struct FieldRun {
   std::vector<FieldPicture> pictures;  // looked at so far, ascending time
   int waiting = 0;                     // pictures that are still being copied or not looked at yet
   std::optional<FieldClock> clock;
-  std::string unit_problem;  // odometry against GPS; empty: none
+  std::string unit_problem;     // odometry against GPS; empty: none
+  std::string reading_problem;  // odometry against the pictures' rotations; empty: none. It is in no map then
   std::vector<FieldPair> pairs;
 };
 

@@ -202,6 +202,7 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
         fmt::format("odometry covers {} of {} pictures; check both clocks, or copy all of it", covered,
                     run.pictures.size()));
   }
+  if (!run.reading_problem.empty()) return add(Light::kRed, "odometry", run.reading_problem);
   FindInClock(run, findings);
   if (!facts.map) return;
   for (const RunAgreement& found : facts.map->runs) {
@@ -471,9 +472,12 @@ std::vector<SiteFinding> FindInMap(const FieldFacts& facts) {
   if (!facts.map && facts.map_problem.empty() && !HasTags(facts)) {
     findings.push_back({Light::kGreen, "map", "no tags: neither tags.yaml nor a plan nor a picture has one"});
   } else if (!facts.map && facts.map_problem.empty()) {
+    const bool unread = std::any_of(facts.runs.begin(), facts.runs.end(),
+                                    [](const FieldRun& run) { return !run.reading_problem.empty(); });
     findings.push_back({Light::kAmber, "map",
-                        "there is no tag map yet: no tag with a size is in any picture of a run "
-                        "with a camera"});
+                        unread ? "there is no tag map until the odometry is mended"
+                               : "there is no tag map yet: no tag with a size is in any picture of a run "
+                                 "with a camera"});
   }
   if (facts.map) {
     FindInTags(facts, &findings);

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "app/cli/excerpts.h"
+
 namespace trigpoint {
 namespace {
 
@@ -11,6 +13,14 @@ using testing::HasSubstr;
 using testing::Not;
 
 int Lines(const std::string& text) { return static_cast<int>(std::count(text.begin(), text.end(), '\n')); }
+
+TEST(Excerpts, LongTextsOfTheCommandLineAreCut) {
+  const std::string text(5000, 'a'), cut = std::string(200, 'a') + "... (5000 bytes)";
+  EXPECT_EQ(WithExcerpts("no run '" + text + "' in /x/" + text, {"run", text}), "no run '" + cut + "' in /x/" + cut);
+  EXPECT_EQ(WithExcerpts("option 'x' is '" + text + "'", {"--set", "x=" + text}), "option 'x' is '" + cut + "'");
+  EXPECT_EQ(WithExcerpts("'" + text + "' is no id", {"--ids", "1," + text}), "'" + cut + "' is no id");
+  EXPECT_EQ(WithExcerpts("as it is: a, b", {"a", ""}), "as it is: a, b");
+}
 
 TEST(Ending, PutsItsLinesInOrder) {
   Ending ending("Run done in 55 s: 2 runs");

@@ -11,6 +11,7 @@
 #include <chrono>
 #include <mutex>
 #include <new>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -86,6 +87,7 @@ TEST(RunForked, ErrorsAndDeathArrive) {
   EXPECT_EQ(MessageOf<InputError>([&] { run([] { throw InputError("bad input"); }); }), "bad input");
   EXPECT_EQ(MessageOf<NumericError>([&] { run([] { throw NumericError("singular"); }); }), "singular");
   EXPECT_THROW(run([] { throw std::bad_alloc(); }), std::bad_alloc);
+  EXPECT_THROW(run([] { throw std::system_error(EAGAIN, std::generic_category()); }), std::bad_alloc);
   EXPECT_THAT(MessageOf<Error>([&] { run([] { throw std::runtime_error("x"); }); }), HasSubstr("unexpected error: x"));
   const std::string died = MessageOf<Error>([&] {
     run([] {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 #include <exiv2/exiv2.hpp>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
 
 #include "datasets/io/capture_date.h"
@@ -124,6 +125,12 @@ TEST_F(SiteTest, TakesNamesAsTheyAre) {
   EXPECT_EQ(run.images[3].file, "images/cam0 x.png");
 }
 
+TEST_F(SiteTest, ADecimalCommaOfATimeIsNamed) {
+  Write("runs/run1/images.txt", "1,500000 images/1.png\n2 images/2.png\n");
+  EXPECT_THAT(Warnings(ReadOne()),
+              HasSubstr("images.txt:1: found the time '1,500000' with a decimal comma; expected a dot"));
+}
+
 TEST_F(SiteTest, LeavesOutAnImageThatIsListedAtTwoTimes) {
   Write("runs/run1/images.txt", "1 images/1.png\n2 images/2.png\n3 ./images/1.png\n3 images/3.png\n3 images/3.png\n");
   const trigpoint::Run run = ReadOne();
@@ -227,6 +234,14 @@ TEST_F(SiteTest, ASketchOfMistakesIsRefused) {
     } catch (const InputError& e) {
       EXPECT_THAT(e.what(), HasSubstr(expected));
     }
+  }
+  for (const auto& [features, expected] : std::map<std::string, std::string>{
+           {"1", "feature 0: expected a GeoJSON Feature, found 1"},
+           {R"({"properties": 7})", "feature 0: properties: expected an object, found 7"},
+           {R"({"geometry": []})", "feature 0: geometry: expected an object, found []"},
+           {R"({"geometry": {"type": 5}})", "feature 0: geometry '5': expected a Point"}}) {
+    const auto file = Write("odd.geojson", "{\"features\": [" + features + "]}");
+    EXPECT_THAT(MessageOf<InputError>([&] { ReadSiteSketch(file); }), HasSubstr(expected));
   }
   const std::string lines =
       R"({"features": [{"properties": {"kind": "path"}, "geometry": {"type": "LineString",

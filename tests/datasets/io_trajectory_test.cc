@@ -122,6 +122,32 @@ TEST(CommaRows, TheMotionDecidesTheOrder) {
               1, 1e-12);
 }
 
+TEST(CommaRows, MoreColumnsAreNotEurocAlone) {
+  const TempDir dir;
+  for (const char* more : {",", ",,", ",0.5"}) {
+    const Trajectory trajectory = ReadTrajectory(dir.Write("odometry.csv", CurveRows(false, more)));
+    ASSERT_EQ(trajectory.poses.size(), 40u) << more;
+    EXPECT_NEAR(trajectory.poses[10].target_from_body.rotation.w(), std::cos(0.25), 1e-5) << more;
+  }
+  // All of EuRoC's columns, at rest.
+  const auto state = dir.Write("state.csv", "1403636580838555648,1,2,3,0.8,0.6,0,0,1,2,3,4,5,6,7,8,9\n");
+  EXPECT_DOUBLE_EQ(ReadTrajectory(state).poses[0].target_from_body.rotation.w(), 0.8);
+}
+
+TEST(CommaRows, OnlyAHeaderOfAllColumnsDecides) {
+  const TempDir dir;
+  const auto w_of_blanks = [&](const std::string& comment) {
+    const auto file = dir.Write("odometry.tum", "# " + comment + "\n1 0 0 0 0.6 0 0 0.8\n");
+    return ReadTrajectory(file).poses[0].target_from_body.rotation.w();
+  };
+  EXPECT_DOUBLE_EQ(w_of_blanks("quaternion order w x y z"), 0.8);
+  EXPECT_DOUBLE_EQ(w_of_blanks("qw is the last"), 0.8);
+  EXPECT_DOUBLE_EQ(w_of_blanks("(t, x, y, z, q_w, q_x, q_y, q_z)"), 0.6);
+  const auto viewed = dir.Write("odometry.csv", "# made by qview\n" + CurveRows(true));
+  EXPECT_NEAR(ReadTrajectory(viewed).poses[10].target_from_body.rotation.w(), std::cos(0.25), 1e-5);
+  EXPECT_THAT(MessageOf<InputError>([&] { w_of_blanks("t x y z qz qy qx qw"); }), HasSubstr("in the order zyxw"));
+}
+
 TEST(CommaRows, AnOrderThatTheMotionDoesNotShowIsRefused) {
   const TempDir dir;
   std::string straight;

@@ -5,9 +5,12 @@
 
 #include <chrono>
 #include <functional>
+#include <opencv2/core.hpp>
+#include <system_error>
 #include <thread>
 
 #include "datasets/project/files.h"
+#include "datasets/project/forked.h"
 #include "datasets/project/hash.h"
 #include "datasets/project/manifest.h"
 #include "datasets/project/stage.h"
@@ -213,7 +216,11 @@ TEST_F(StageTest, ForeignExceptionsBecomeErrors) {
   request_.body = [](StageContext&) { throw std::out_of_range("vector::at"); };
   EXPECT_THAT(MessageOf<Error>([&] { Run(); }), HasSubstr("vector::at"));
   request_.body = [](StageContext&) { throw std::bad_alloc(); };
-  EXPECT_THAT(MessageOf<Error>([&] { Run(); }), HasSubstr("memory"));
+  EXPECT_THAT(MessageOf<MemoryError>([&] { Run(); }), HasSubstr("memory"));
+  request_.body = [](StageContext&) { throw cv::Exception(cv::Error::StsNoMem, "4 bytes", "", "alloc.cpp", 73); };
+  EXPECT_EQ(MessageOf<MemoryError>([&] { Run(); }), "not enough memory; use fewer --threads or smaller images");
+  request_.body = [](StageContext&) { throw std::system_error(EAGAIN, std::generic_category()); };
+  EXPECT_THAT(MessageOf<MemoryError>([&] { Run(); }), HasSubstr("not enough memory for another thread"));
   request_.body = [](StageContext& c) { fs::copy_file(c.out / "none", c.out / "x"); };
   EXPECT_THAT(MessageOf<IoError>([&] { Run(); }), HasSubstr("none"));
 }

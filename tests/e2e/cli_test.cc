@@ -65,6 +65,28 @@ TEST(Cli, UsageErrorsAreOneLineAndExitTwo) {
   ExpectOneLine(Trigpoint({"detect", dir, "--set", "min_margin=high"}), 2, {"min_margin", "a number", "high"});
   ExpectOneLine(Trigpoint({"detect", dir, "--set", "min_margin=-1"}), 2, {"min_margin", "-1"});
   ExpectOneLine(Trigpoint({"run", dir, "--set", "min_margin=1"}), 2, {"stage.option"});
+  ExpectOneLine(Trigpoint({"run", dir, "--run", ""}), 2, {"--run '': expected a name"});
+  ExpectOneLine(Trigpoint({"export", dir, "--to", ""}), 2, {"--to '': expected a name"});
+}
+
+TEST(Cli, LongTextsOfTheCommandLineAreCut) {
+  const ProjectFolder folder;
+  const std::string dir = folder.dir().string(), text(5000, 'a');
+  for (const std::vector<std::string>& arguments : {std::vector<std::string>{text},
+                                                    {"run", text},
+                                                    {"run", dir, "--run", text},
+                                                    {"run", dir, "--units", text},
+                                                    {"detect", dir, "--set", text},
+                                                    {"detect", dir, "--set", "min_margin=" + text},
+                                                    {"export", dir, "--to", text},
+                                                    {"localize", dir, "--variant", text},
+                                                    {"review", dir, "exclude", text},
+                                                    {"print", dir, "--ids", "1," + text}}) {
+    const Finished run = Trigpoint(arguments);
+    EXPECT_THAT(run.exit_code, testing::AnyOf(1, 2));
+    EXPECT_LT(run.err.size(), 1000u) << arguments.front();
+    EXPECT_THAT(run.err, testing::Not(HasSubstr("unexpected error"))) << arguments.front();
+  }
 }
 
 TEST(Cli, InitRunStatusOnFoldersOfAnyName) {

@@ -193,6 +193,20 @@ TEST_F(TrajectoryFile, ReadsTumEurocAndKitti) {
   EXPECT_THROW(Associate(kitti, tum), InputError);
 }
 
+TEST_F(TrajectoryFile, TheOrderOfRowsWithCommasIsFound) {
+  const PoseSequence named = Read("#timestamp,tx,ty,tz,qx,qy,qz,qw\n1,1,2,3,0.6,0,0,0.8\n");
+  EXPECT_NEAR(named.poses[0].rotation(1, 1), 0.28, 1e-12);
+  std::string curve;
+  for (int i = 0; i < 40; ++i) {
+    const double a = 0.05 * i;
+    const std::string at = std::to_string(20 * std::sin(a)) + "," + std::to_string(20 * (1 - std::cos(a)));
+    curve += std::to_string(i) + "," + at + ",0,0,0," + std::to_string(std::sin(a / 2)) + "," +
+             std::to_string(std::cos(a / 2)) + "\n";
+  }
+  EXPECT_NEAR(Read(curve).poses[10].rotation(1, 0), std::sin(0.5), 1e-5);
+  EXPECT_THAT(Message("1,0,0,0,0,0,0,1\n"), HasSubstr("does not show whether the quaternion's w comes first"));
+}
+
 TEST_F(TrajectoryFile, NamesLineExpectedAndFound) {
   EXPECT_THAT(Message(""), HasSubstr("found no pose"));
   EXPECT_THAT(Message("1 2 3\n"), HasSubstr(":1: expected 8 numbers (TUM)"));

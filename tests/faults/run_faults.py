@@ -6,10 +6,10 @@
   run_faults.py --table docs/faults.md FILE.json...
 
 Verdicts: right (a result within its sigmas, nothing new said), warned (within its sigmas, with a warning), withheld (no
-position on the Earth, with the cause), refused (exit 1 naming the cause). Failures: FALSE (a position outside three of
-its stated sigmas), unnamed (refused or withheld without the cause), crashed. --combinations draws one to three faults
-at once, --variations good projects (other stretches, noise and geotags), of which few may be warned of or refused; both
-begin at --first.
+position on the Earth, with the cause), refused (exit 1 naming the cause, without a result). Failures: FALSE (a position
+outside three of its stated sigmas, whatever the exit code), unnamed (refused or withheld without the cause), crashed.
+--combinations draws one to three faults at once, --variations good projects (other stretches, noise and geotags), of
+which few may be warned of or refused; both begin at --first.
 """
 import argparse
 import concurrent.futures
@@ -236,6 +236,11 @@ class Runner:
                                    path.read_text()))
         return 0, said
 
+    def results_of(self, project, names):
+        """The stages whose result is there, whatever the exit code: a command that fails may have written one."""
+        files = {"localize": f"localize/{self.run}/manifest.json", "survey": "survey/tags.csv"}
+        return [name for name in names if name in files and (project / "results" / files[name]).exists()]
+
     def judge(self, project, names, code, said, fault):
         cause = fault.cause if fault else None
         names_cause = cause is not None and re.search(cause, said, re.I) is not None
@@ -243,12 +248,13 @@ class Runner:
         result = {"exit": code, "said": (last or [""])[0][-400:]}
         if code < 0 or code > 3:
             return {**result, "verdict": "crashed"}
-        if code != 0:
+        made = self.results_of(project, names)
+        if code != 0 and not made:
             return {**result, "verdict": "refused" if names_cause else "unnamed"}
         positions, withheld = Positions(), ""
-        if "localize" in names:
+        if "localize" in made:
             withheld = judge_localize(project, self.run, self.truth, positions)
-        if "survey" in names:
+        if "survey" in made:
             withheld = judge_survey(project, self.truth, positions) or withheld
         result.update(count=positions.count, outside=positions.outside, worst_sigmas=round(float(positions.worst), 2),
                       largest_m=round(positions.largest_m, 3),
@@ -263,6 +269,8 @@ class Runner:
             result["said"] = withheld
             named = cause is None or re.search(cause, said + withheld, re.I)
             return {**result, "verdict": "withheld" if named else "unnamed"}
+        if code != 0:
+            return {**result, "verdict": "warned" if names_cause else "unnamed"}
         return {**result, "verdict": "warned" if new else "right"}
 
     def one(self, index, fault):

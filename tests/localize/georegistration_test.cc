@@ -243,6 +243,17 @@ TEST(GeoRegistration, OneHeadingThatMayBeInRadiansDecidesNothing) {
   }
 }
 
+TEST(GeoRegistration, WhatDoesNotFixTheDirectionIsCounted) {
+  Few few = FirstOf(MakeSite(8, 0), 1);
+  few.observations[0].has_heading = false;
+  EXPECT_NE(few.Fit().reason.find("1 position is there"), std::string::npos) << few.Fit().reason;
+  EXPECT_NE(few.Fit().reason.find("expected positions more than"), std::string::npos) << few.Fit().reason;
+  few.observations[0].has_position = false;
+  few.observations[0].has_heading = true;
+  EXPECT_NE(few.Fit().reason.find("none of 1 localized panoramas or photos has a position"), std::string::npos)
+      << few.Fit().reason;
+}
+
 TEST(GeoRegistration, HeadingsOfThreeThatContradictTheirPositionsAreWithheld) {
   for (const int count : {2, 3}) {
     for (const bool radians : {true, false}) {

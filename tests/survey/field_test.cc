@@ -334,6 +334,18 @@ TEST(Field, OdometryElsewhereInTimeIsNamed) {
   EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr("time_offset_s: 0.40")));
 }
 
+TEST(Field, OdometryThatIsMeantOtherwiseIsNamedAndNothingElseIsBlamed) {
+  const auto scene = SceneOf(Recorded(Yard()), Yard());
+  const std::string problem = "odometry.tum contradicts the pictures: its quaternions are written w x y z";
+  scene->facts.runs[0].reading_problem = problem;
+  scene->facts.map.reset();
+  EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr(problem)));
+  for (const SiteFinding& f : FindInMap(scene->facts)) {
+    EXPECT_THAT(f.text, testing::Not(HasSubstr("odometry agrees")));
+    EXPECT_THAT(f.text, testing::Not(HasSubstr("no tag with a size is in any picture")));
+  }
+}
+
 // An offset far beyond its sigma that fits better than none, but not clearly, is no agreement.
 TEST(Field, AClockThatRotationsDoNotDecideIsNotSaidToAgree) {
   const auto scene = SceneOf(Recorded(Yard()), Yard());
