@@ -135,6 +135,7 @@ OverviewDesk::OverviewDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
   connect(workspace_, &Workspace::Replaced, this, [this] {
     ++generation_;
     overview_.reset();
+    place_ = {};
     Show();
   });
   connect(workspace_, &Workspace::Opened, this, &OverviewDesk::Load);
@@ -180,7 +181,7 @@ void OverviewDesk::Load() {
 }
 
 void OverviewDesk::Show() {
-  const Place before = PlaceNow();
+  if (overview_ && matrix_ != nullptr && !returning_) place_ = PlaceNow();
   matrix_ = nullptr;
   auto* content = new QWidget;
   auto* column = new QVBoxLayout(content);
@@ -200,7 +201,7 @@ void OverviewDesk::Show() {
   ShowPlan();
   ShowNext();
   ShowSelected();
-  if (overview_) ReturnTo(before);
+  if (overview_) ReturnTo(place_);
 }
 
 OverviewDesk::Place OverviewDesk::PlaceNow() const {
@@ -226,7 +227,9 @@ void OverviewDesk::ReturnTo(const Place& place) {
   }
   QWidget* focus = place.focus.isEmpty() ? nullptr : content->findChild<QWidget*>(place.focus);
   if (focus != nullptr) focus->setFocus();
+  returning_ = true;
   QTimer::singleShot(0, content, [this, place] {  // the new content has its size then
+    returning_ = false;
     scroll_->verticalScrollBar()->setValue(place.scrolled);
     if (matrix_ != nullptr) matrix_->verticalScrollBar()->setValue(place.row_scrolled);
   });

@@ -53,7 +53,7 @@ class OverviewDesk : public QWidget {
 
   void Load();
   void Show();
-  Place PlaceNow() const;
+  Place PlaceNow() const;  // of what is shown
   void ReturnTo(const Place& place);
   void ShowWelcome(QVBoxLayout* column);
   void SaveThumbnail() const;  // of the plan, for the welcome page
@@ -78,6 +78,8 @@ class OverviewDesk : public QWidget {
 
   Workspace* workspace_;
   std::shared_ptr<const Overview> overview_;
+  Place place_;  // to return to, once what is shown has its size
+  bool returning_ = false;
   QLabel* title_;
   QLabel* next_text_;
   QPushButton* next_;

@@ -75,6 +75,7 @@ StationCard::StationCard(Workspace* workspace, QWidget* parent) : QWidget(parent
   connect(views_, &QCheckBox::toggled, this, &StationCard::Show);
   connect(workspace_, &Workspace::Selected, this, &StationCard::Show);
   connect(workspace_, &Workspace::UnitChanged, this, &StationCard::Show);
+  connect(workspace_, &Workspace::ResultsChanged, this, &StationCard::Show);
   connect(workspace_, &Workspace::Replaced, this, [this] { SetOverview(nullptr); });
   Show();
 }
@@ -198,7 +199,7 @@ QString StationCard::Note(bool errors, bool answers) const {
   }
   const auto& results = workspace_->results();
   const bool evaluated = std::any_of(results.begin(), results.end(), [](const SnapshotResult& r) {
-    return r.stage == "evaluate" && r.state != "missing" && r.state != "failed";
+    return r.stage == "evaluate" && !r.state.empty() && r.state != "missing" && r.state != "failed";
   });
   if (!answers) return which + tr("No run answers it: run localize.");
   return which + (evaluated ? tr("There is no reference to compare its answers with.")

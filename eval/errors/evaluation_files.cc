@@ -484,6 +484,10 @@ std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv) {
     if (cells.Has("de_m") && cells.Has("dn_m") && cells.Has("du_m")) {
       row.error_enu_m = {cells.Number("de_m"), cells.Number("dn_m"), cells.Number("du_m")};
     }
+    if (cells.Has("sigma_e_m") && cells.Has("sigma_n_m") && cells.Has("sigma_u_m")) {
+      const Eigen::Vector3d sigma(cells.Number("sigma_e_m"), cells.Number("sigma_n_m"), cells.Number("sigma_u_m"));
+      row.covariance_m2 = sigma.cwiseAbs2().asDiagonal();
+    }
     rows.push_back(std::move(row));
   }
   return rows;

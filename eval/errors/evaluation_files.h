@@ -53,7 +53,7 @@ nlohmann::json SummaryJson(const Evaluation& evaluation, const EvaluationExtras&
 void WriteEvaluation(const Evaluation& evaluation, const std::filesystem::path& folder,
                      const TableOptions& options = {}, const EvaluationExtras& extras = {});
 
-// Reads errors.csv back (for comparisons). Throws InputError naming file and line.
+// Reads errors.csv back (for comparisons); of covariances it has the diagonal. Throws InputError naming file and line.
 std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv);
 
 }  // namespace trigpoint

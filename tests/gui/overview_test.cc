@@ -450,13 +450,13 @@ TEST_F(TwoRunsTest, WithoutAReferenceTheAnswersAreShown) {
   ASSERT_EQ(Matrix()->rowCount(), 4);
   ASSERT_EQ(Matrix()->columnCount(), 2);
   EXPECT_EQ(Matrix()->verticalHeaderItem(2)->text(), "panoramas/p002.jpg");
-  EXPECT_EQ(Matrix()->item(2, 1)->text(), QString::fromUtf8("located\n\xcf\x83 0.080"));
+  EXPECT_EQ(Matrix()->item(2, 1)->text(), QString::fromUtf8("localized\n\xcf\x83 0.080"));
   QTest::mouseClick(Matrix()->viewport(), Qt::LeftButton, {}, Matrix()->visualItemRect(Matrix()->item(2, 0)).center());
   EXPECT_EQ(window_->workspace()->selected(), "panorama:panoramas/p002.jpg");
   window_->workspace()->Select("station:S1");
   EXPECT_EQ(Matrix()->currentRow(), 1);
   ASSERT_EQ(Card()->rowCount(), 2);
-  EXPECT_THAT(Card()->item(0, 1)->text().toStdString(), HasSubstr("located, \xcf\x83 0.080 m"));
+  EXPECT_THAT(Card()->item(0, 1)->text().toStdString(), HasSubstr("localized, \xcf\x83 0.080 m"));
   EXPECT_THAT(Child<QLabel>(window_.get(), "card.note")->text().toStdString(), HasSubstr("not compared yet"));
   QString all;
   for (const auto* label : window_->overview()->findChildren<QLabel*>()) all += label->text() + "\n";
@@ -470,7 +470,7 @@ TEST_F(TwoRunsTest, TheCardListsBothAndTheViewsOnRequest) {
   ASSERT_EQ(card->rowCount(), 3);  // what is compared, and the runs
   EXPECT_EQ(card->item(1, 0)->text(), "run1");
   EXPECT_EQ(card->item(2, 0)->text(), "run2");
-  EXPECT_EQ(card->item(2, 1)->text(), "unmatched: no matches");
+  EXPECT_EQ(card->item(2, 1)->text(), "no match: no matches");
   auto* views = Child<QCheckBox>(window_.get(), "card.views");
   ASSERT_TRUE(views->isVisible());
   views->setChecked(true);
