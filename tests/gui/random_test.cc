@@ -7,6 +7,7 @@
 #include <QListWidget>
 #include <QSignalSpy>
 #include <QSortFilterProxyModel>
+#include <QSpinBox>
 #include <QTableView>
 #include <QTableWidget>
 #include <filesystem>
@@ -23,6 +24,7 @@
 #include "app/desktop/overview_desk.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/plan_desk.h"
+#include "app/desktop/site_tree.h"
 #include "app/desktop/station_card.h"
 #include "datasets/io/text.h"
 #include "eval/text/method_name.h"
@@ -88,6 +90,12 @@ class RandomSession : public testing::Test {
     }
     if (!places.empty())
       QTest::mouseClick(view, Qt::LeftButton, {}, places[static_cast<size_t>(Draw(static_cast<int>(places.size())))]);
+  }
+  void ToggleOne(const char* name) {
+    auto* list = Child<QListWidget>(window_.get(), name);
+    if (list->count() == 0) return;
+    QListWidgetItem* item = list->item(Draw(list->count()));
+    item->setCheckState(item->checkState() == Qt::Checked ? Qt::Unchecked : Qt::Checked);
   }
   void MakeActions();
   // Which answer a number is of: the title of its group on the card, run, panorama.
@@ -173,6 +181,19 @@ void RandomSession::MakeActions() {
          const QPointF at = window_->scene()->PlaceOf(AnyStation().replace("station:", "panorama:"));
          window_->scene()->PickAt(at.x() > 0 ? at.x() : 200 + Draw(300), at.y() > 0 ? at.y() : 100 + Draw(200));
        }},
+      {"inside",
+       [this, workspace] {
+         window_->ShowDesk("scene");
+         const auto& all = workspace->snapshot()->references;
+         window_->scene()->StepInside(
+             QString::fromStdString(all[static_cast<size_t>(Draw(static_cast<int>(all.size())))].name));
+         QTest::qWait(200);
+       }},
+      {"outside", [this] { window_->scene()->StepOutside(); }},
+      {"measure", [this] { Child<QCheckBox>(window_.get(), "scene.measure")->toggle(); }},
+      {"layer", [this] { ToggleOne("scene.layers"); }},
+      {"run drawn", [this] { ToggleOne("scene.runs"); }},
+      {"filter", [this] { Child<QSpinBox>(window_.get(), "scene.least_images")->setValue(Draw(6)); }},
       {"mode", [this] { window_->scene()->SetMode(Draw(2) == 0 ? "plan" : "orbit"); }},
       {"zoom",
        [this] {
@@ -233,6 +254,9 @@ void RandomSession::CheckMarked() {
     if (window_->scene()->ErrorsAt(name).empty()) continue;
     EXPECT_TRUE(highlighted.contains(name)) << object << " is not highlighted";
   }
+  const QTreeWidgetItem* entry = window_->tree()->currentItem();
+  const QString marked = entry == nullptr ? QString() : entry->data(0, Qt::UserRole).toString();
+  EXPECT_TRUE(marked.isEmpty() || belongs(marked)) << "in the tree: " << marked.toStdString();
   bool any = false;
   for (int row = 0; row < view_->model()->rowCount(); ++row) any |= belongs(ObjectOf(view_->model()->index(row, 0)));
   const QModelIndexList rows = view_->selectionModel()->selectedRows();
