@@ -228,11 +228,15 @@ void OverviewDesk::ReturnTo(const Place& place) {
   QWidget* focus = place.focus.isEmpty() ? nullptr : content->findChild<QWidget*>(place.focus);
   if (focus != nullptr) focus->setFocus();
   returning_ = true;
-  QTimer::singleShot(0, content, [this, place] {  // the new content has its size then
-    returning_ = false;
+  const auto settle = [this, place] {  // as soon as the new content has its size
+    if (!returning_) return;
     scroll_->verticalScrollBar()->setValue(place.scrolled);
     if (matrix_ != nullptr) matrix_->verticalScrollBar()->setValue(place.row_scrolled);
-  });
+  };
+  connect(scroll_->verticalScrollBar(), &QScrollBar::rangeChanged, content, settle);
+  QTimer::singleShot(0, content, settle);
+  constexpr int kLaidOut_ms = 500;
+  QTimer::singleShot(kLaidOut_ms, content, [this] { returning_ = false; });
 }
 
 void OverviewDesk::ShowWelcome(QVBoxLayout* column) {

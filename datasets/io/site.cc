@@ -151,18 +151,20 @@ std::vector<std::string> UnusedTables(const std::filesystem::path& site_dir, con
   Site site;
   site.dir = site_dir;
   std::vector<std::string> unused = ReadTables(&site), ignored;
-  const auto look = [&](const std::filesystem::path& file, const auto& read) {
+  const auto look = [&](const std::filesystem::path& file, const auto& read, size_t least = 1) {
     if (!std::filesystem::exists(file)) return;
     try {
-      if (read(file) == 0) unused.push_back(file.string() + ": expected rows below the header, found none");
+      if (read(file) < least) unused.push_back(file.string() + ": expected rows below the header, found none");
     } catch (const InputError& e) {
       unused.push_back(e.what());
     }
   };
   look(site_dir / "distances.csv",
        [&](const std::filesystem::path& file) { return ReadDistances(file, &ignored).size(); });
-  look(site_dir / "control_observations.csv",
-       [&](const std::filesystem::path& file) { return ReadControlObservations(file, &ignored).size(); });
+  look(
+      site_dir / "control_observations.csv",
+      [&](const std::filesystem::path& file) { return ReadControlObservations(file, &ignored).size(); },
+      0);  // `mark` leaves the header where the last mark is removed
   for (const std::string& run : runs) {
     look(site_dir / "runs" / run / "gps.csv",
          [&](const std::filesystem::path& file) { return ReadGpsCsv(file).fixes.size(); });

@@ -249,7 +249,7 @@ TEST(Cli, ZeroAnswersAndUselessTablesEndWithOne) {
   WriteFileAtomically(site.dir() / "panoramas.csv", table);
   EXPECT_EQ(Trigpoint({"localize", dir}).exit_code, 0);
   for (const auto& [file, text] :
-       {std::pair{"distances.csv", "from,to,distance_m\n"}, std::pair{"control_observations.csv", "point,image,u,v\n"},
+       {std::pair{"distances.csv", "from,to,distance_m\n"}, std::pair{"control_observations.csv", "points,image,u,v\n"},
         std::pair{"runs/run2/gps.csv", "timestamp_s,latitude_deg,longitude_deg\n"}}) {
     const fs::path path = site.dir() / file;
     const std::string before = fs::exists(path) ? ReadTextFile(path) : "";
