@@ -199,7 +199,7 @@ QString StationCard::Note(bool errors, bool answers) const {
   }
   const auto& results = workspace_->results();
   const bool evaluated = std::any_of(results.begin(), results.end(), [](const SnapshotResult& r) {
-    return r.stage == "evaluate" && !r.state.empty() && r.state != "missing" && r.state != "failed";
+    return r.stage == "evaluate" && (r.state == "done" || r.state == "out of date");
   });
   if (!answers) return which + tr("No run answers it: run localize.");
   return which + (evaluated ? tr("There is no reference to compare its answers with.")
