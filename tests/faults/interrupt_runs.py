@@ -180,7 +180,7 @@ class Interruptions:
     def starve_alone(self, wanted):
         """Commands that `run` needs more memory for elsewhere, or that it does not have: little more than they start with."""
         least = self.peak_kib("status", str(self.good))
-        commands = [("survey", []), ("print", ["--ids", "900-903", "--size", "100"]), ("plan", [])]
+        commands = [("survey", []), ("print", ["--ids", "300-303", "--size", "100"]), ("plan", [])]
         before_survey = self.stages_before(self.order.index("survey"))
         for k in range(wanted):
             kib = least + self.draw.uniform(0, 200) * 1024
