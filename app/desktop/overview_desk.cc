@@ -232,6 +232,7 @@ void OverviewDesk::ReturnTo(const Place& place) {
     if (!returning_) return;
     scroll_->verticalScrollBar()->setValue(place.scrolled);
     if (matrix_ != nullptr) matrix_->verticalScrollBar()->setValue(place.row_scrolled);
+    if (scroll_->verticalScrollBar()->value() == place.scrolled) returning_ = false;
   };
   connect(scroll_->verticalScrollBar(), &QScrollBar::rangeChanged, content, settle);
   QTimer::singleShot(0, content, settle);

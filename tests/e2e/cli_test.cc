@@ -256,7 +256,7 @@ TEST(Cli, ZeroAnswersAndUselessTablesEndWithOne) {
     WriteFileAtomically(path, text);
     const Finished finished = Trigpoint({"localize", dir});
     EXPECT_EQ(finished.exit_code, 1) << file;
-    EXPECT_THAT(finished.err, HasSubstr(std::string(file) + ": "));
+    EXPECT_THAT(finished.err, HasSubstr(std::string(file) + ":"));
     before.empty() ? (void)fs::remove(path) : WriteFileAtomically(path, before);
   }
 }
