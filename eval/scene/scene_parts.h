@@ -57,7 +57,7 @@ struct SceneView::Parts {
   Parts(const SceneModel& m, const SceneStyle& s) : model(m), style(s) {}
   void Add(const std::string& layer, vtkProp* prop, const std::string& run = "");
   bool IsOfHiddenRun(const vtkProp* prop) const;
-  void PlaceBar(vtkRenderer* of) const;                // its texts need their room in a small window, too
+  void PlaceBar(vtkRenderer* of) const;                      // its texts need their room in a small window, too
   void Fade(const std::string& layer, vtkProp* prop) const;  // as `opacities` has it
   void ShowLayer(const std::string& layer);                  // as `visible`, `hidden_runs` and `moving` have it
   void AddLabel(const std::string& layer, vtkBillboardTextActor3D* label);
