@@ -117,7 +117,6 @@ void SceneView::Parts::BuildPoints() {
   vtkNew<vtkScalarBarActor> bar;
   bar->SetOrientationToVertical();
   bar->SetNumberOfLabels(5);
-  bar->SetTextPositionToPrecedeScalarBar();
   bar->SetPosition(0.93, 0.04);
   bar->SetWidth(0.055);
   bar->SetHeight(0.36);
@@ -144,6 +143,7 @@ void SceneView::Parts::PlaceBar(vtkRenderer* of) const {
   auto* bar = static_cast<vtkScalarBarActor*>(points_bar.Get());
   if (bar == nullptr) return;
   const double room = std::clamp(kBarWidth_text * style.text_px / std::max(1, of->GetSize()[0]), 0.055, 0.5);
+  bar->SetTextPositionToPrecedeScalarBar();
   bar->SetWidth(room);
   bar->SetPosition(0.985 - room, 0.04);
 }

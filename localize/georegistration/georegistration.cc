@@ -596,8 +596,8 @@ std::string NoDirection(const std::vector<GeoObservation>& obs) {
     return fmt::format("none of {} localized panoramas or photos has a position that is used", obs.size());
   }
   return fmt::format(
-      "{} position{} (of localized panoramas and photos with a geotag, and of GPS fixes) {}, without a heading: the "
-      "run's direction is not known; expected positions more than {} m apart, or a geotag with a heading",
+      "{} position{} {} (geotags of localized panoramas and photos, GPS fixes), without a heading: the run's direction "
+      "is not known; expected positions more than {} m apart, or a geotag with a heading",
       positions, positions == 1 ? "" : "s",
       positions == 1 ? "is there" : fmt::format("lie within {} m of each other", kApart_m), kApart_m);
 }
