@@ -131,18 +131,14 @@ void SceneDesk::ShowRuns() {
 }
 
 void SceneDesk::ForgetLook() {
-  for (QWidget* widget : std::initializer_list<QWidget*>{runs_, opacity_, least_images_, most_sigma_, most_residual_}) {
-    widget->blockSignals(true);
-  }
+  const QSignalBlocker runs(runs_), opacity(opacity_), images(least_images_), sigma(most_sigma_),
+      residual(most_residual_);
   runs_->clear();
   opacities_.clear();
   opacity_->setValue(100);
   least_images_->setValue(least_images_->minimum());
   most_sigma_->setValue(0);
   most_residual_->setValue(0);
-  for (QWidget* widget : std::initializer_list<QWidget*>{runs_, opacity_, least_images_, most_sigma_, most_residual_}) {
-    widget->blockSignals(false);
-  }
 }
 
 void SceneDesk::ShowFilterUnit() {

@@ -152,16 +152,9 @@ std::optional<std::string> FindOtherReading(const Run& run, const std::vector<Me
   }
   const ReadingVerdict verdict = JudgeReadings(poses, motions, PoseReadings());
   if (verdict.kind != ReadingVerdict::Kind::kContradicted || verdict.better.empty()) return std::nullopt;
-  std::string text = fmt::format("{} contradicts the pictures: as read, its rotations agree with {} of {} pairs",
-                                 odometry, verdict.as_read.turns_agree, verdict.as_read.turns);
-  constexpr size_t kNamed = 3;
-  for (size_t i = 0; i < std::min(verdict.better.size(), kNamed); ++i) {
-    const PoseReading& better = verdict.better[i];
-    text += (i == 0 ? fmt::format("; they agree with {} of {} if ", verdict.best.turns_agree, verdict.best.turns)
-                    : std::string("; or if ")) +
-            better.what + ": " + better.mend;
-  }
-  return text;
+  return fmt::format("{} contradicts the pictures: as read, its rotations agree with {} of {} pairs", odometry,
+                     verdict.as_read.turns_agree, verdict.as_read.turns) +
+         BetterReadings(verdict, fmt::format("{} of {}", verdict.best.turns_agree, verdict.best.turns));
 }
 
 size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads, ProgressSink& progress,

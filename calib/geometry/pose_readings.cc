@@ -283,4 +283,14 @@ ReadingVerdict JudgeReadings(const std::vector<Rigid3d>& poses, const std::vecto
   return verdict;
 }
 
+std::string BetterReadings(const ReadingVerdict& verdict, const std::string& counts) {
+  constexpr size_t kNamed = 3;
+  std::string text;
+  for (size_t i = 0; i < std::min(verdict.better.size(), kNamed); ++i) {
+    text += (i == 0 ? "; they agree with " + counts + " if " : "; or if ") + verdict.better[i].what + ": " +
+            verdict.better[i].mend;
+  }
+  return text;
+}
+
 }  // namespace trigpoint

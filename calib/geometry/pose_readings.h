@@ -70,4 +70,8 @@ struct ReadingVerdict {
 ReadingVerdict JudgeReadings(const std::vector<Rigid3d>& poses, const std::vector<MeasuredMotion>& motions,
                              const std::vector<PoseReading>& readings);
 
+// "; they agree with COUNTS if READING: what to do; or if ...", at most three readings; empty: none agrees. `counts`
+// says how many agree with the best.
+std::string BetterReadings(const ReadingVerdict& verdict, const std::string& counts);
+
 }  // namespace trigpoint

@@ -389,11 +389,7 @@ std::string Contradiction(const ReadingVerdict& v, const std::string& odometry) 
       "{}: contradicts the images; expected odom_from_body, quaternions x y z w, axes forward, left, up. As read, "
       "pairs of images agree with {}",
       odometry, Counts(v.as_read));
-  constexpr size_t kNamed = 3;
-  for (size_t i = 0; i < std::min(v.better.size(), kNamed); ++i) {
-    text += (i == 0 ? "; they agree with " + Counts(v.best) + " if " : "; or if ") + v.better[i].what + ": " +
-            v.better[i].mend;
-  }
+  text += BetterReadings(v, Counts(v.best));
   if (v.better.empty()) {
     text +=
         "; no other order, axis, sign or inverse agrees: check the file, its time (odometry: "
