@@ -2,20 +2,22 @@
 """Plants the faults of faults.py into copies of a good project and judges what the program makes of each.
 
   run_faults.py PROGRAM SITE [--truth DIR] [--run RUN] [--every N] [--features N] [--quick] [--only REGEX]
-                [--json FILE] [--jobs N] [--work DIR] [--combinations N] [--variations N]
+                [--json FILE [--resume]] [--jobs N] [--work DIR] [--combinations N] [--variations N]
   run_faults.py --table docs/faults.md FILE.json...
 
 Verdicts: right (a result within its sigmas, nothing new said), warned (within its sigmas, with a warning), withheld (no
 position on the Earth, with the cause), refused (exit 1 naming the cause, without a result). Failures: FALSE (a position
 outside three of its stated sigmas, whatever the exit code), unnamed (refused or withheld without the cause), crashed.
 --combinations draws one to three faults at once, --variations good projects (other stretches, noise and geotags), of
-which few may be warned of or refused; both begin at --first.
+which few may be warned of or refused; both begin at --first. --json is written after every fault; --resume goes on with it.
 """
 import argparse
 import concurrent.futures
 import csv
+import hashlib
 import json
 import math
+import os
 import pathlib
 import re
 import shutil
@@ -309,17 +311,52 @@ class Runner:
                 (not self.options.only or re.search(self.options.only, f"{f.group}: {f.name}"))]
 
     def run_all(self):
+        record = Record(self.options)
         self.prepare()
-        chosen = self.chosen()
         results = []
+
+        def known_or_new(item):
+            index, fault = item
+            return record.known.get((index, fault.group, fault.name)) or self.one(index, fault)
+
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
-            for result in pool.map(lambda item: self.one(*item), chosen):
+            for result in pool.map(known_or_new, self.chosen()):
                 results.append(result)
+                record.write(results)
                 mark = " " if result["verdict"] in (*GOOD, "not applicable") else "!"
                 numbers = "".join(f" {k}={result[k]}" for k in ("outside", "worst_sigmas", "largest_m") if k in result)
                 print(f"{mark} {result['verdict']:9} {result['group']}: {result['fault']}{numbers}\n"
                       f"      {result.get('said', '')}", flush=True)
         return results
+
+
+class Record:
+    """The file of --json, complete after every fault. With --resume, what it has from the same program, site and
+    options is not made again."""
+
+    def __init__(self, options):
+        self.path = pathlib.Path(options.json) if options.json else None
+        self.name = pathlib.Path(options.site).resolve().name
+        self.made_of = {"program": hashlib.sha256(pathlib.Path(options.program).read_bytes()).hexdigest(),
+                        "site": str(pathlib.Path(options.site).resolve())}
+        self.made_of.update({k: getattr(options, k) for k in ("run", "every", "features")})
+        self.known = {}
+        if options.resume and self.path and self.path.exists():
+            data = json.loads(self.path.read_text())
+            if data.get("made_of") != self.made_of:
+                raise SystemExit(f"{self.path}: expected results of {self.made_of}, found {data.get('made_of')}; "
+                                 "name another file by --json, or leave --resume out")
+            self.known = {(r["index"], r["group"], r["fault"]): r for r in data["results"]}
+
+    def write(self, results):
+        if not self.path:
+            return
+        # Those that a stopped run had, and this one has not come to yet, are kept.
+        mine = {(r["index"], r["group"], r["fault"]): r for r in results}
+        merged = [*results, *(r for key, r in self.known.items() if key not in mine)]
+        fresh = self.path.with_name(self.path.name + ".new")
+        fresh.write_text(json.dumps({"name": self.name, "made_of": self.made_of, "results": merged}, indent=1) + "\n")
+        os.replace(fresh, self.path)
 
 
 def copy_links_or_copy(source, target):
@@ -371,7 +408,8 @@ def main():
     parser.add_argument("--features", type=int, default=0, help="features of an image; 0: the default")
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--only")
-    parser.add_argument("--json")
+    parser.add_argument("--json", help="results, written after every fault")
+    parser.add_argument("--resume", action="store_true", help="what --json has of the same program and site is kept")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=3600)
     parser.add_argument("--work")
@@ -390,9 +428,6 @@ def main():
     finally:
         if not options.work:
             shutil.rmtree(runner.work, ignore_errors=True)
-    if options.json:
-        data = {"name": pathlib.Path(options.site).name, "results": results}
-        pathlib.Path(options.json).write_text(json.dumps(data, indent=1) + "\n")
     bad = [r for r in results if r["verdict"] not in (*GOOD, "not applicable")]
     print(f"{len(results)} faults: " + ", ".join(
         f"{sum(r['verdict'] == v for r in results)} {v}" for v in (*GOOD, "not applicable")) + f", {len(bad)} failed")
