@@ -4,6 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/calibration/calibrate_files.h"
@@ -36,7 +37,9 @@ std::vector<HandEyeSight> Sights(const Project& project, const Run& run, const B
   std::vector<std::string> warnings;
   std::vector<HandEyeSight> sights;
   int without_odometry = 0;
-  for (const ImageDetections& image : ReadDetections(DetectionsOf(project, run), 0.5, &warnings)) {
+  std::vector<ImageDetections> images = ReadDetections(DetectionsOf(project, run), 0.5, &warnings);
+  MoveToImageTimes(run, sizes, &images);
+  for (const ImageDetections& image : images) {
     if (image.camera != camera.name) continue;
     const std::optional<Rigid3d> pose = run.odometry.At(image.stamp_ns, kMaxGapNs);
     without_odometry += !pose;

@@ -9,6 +9,7 @@
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/measured_offsets.h"
 #include "app/pipeline/reviewed.h"
+#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/counted.h"
 #include "datasets/io/csv.h"
@@ -225,6 +226,7 @@ TagDerivatives AddOwnTags(const EvaluateStageOptions& options, const Run& run, c
   std::vector<std::string> warnings;
   std::vector<ImageDetections> images = ReadDetections(detections, options.tags.extra_sigma_px, &warnings);
   LeaveOutExcluded(context.project.review(), run.name, images);
+  MoveToImageTimes(run, context.project.site().tags, &images);
   const OwnViews own = TagViews(run, evaluated->result, images);
   const auto estimate = [&](const TagSizes& sizes) {
     return EstimateTagPoses(own.views, sizes, options.tags, context.threads, context.progress, context.cancel);

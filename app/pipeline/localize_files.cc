@@ -8,7 +8,9 @@
 #include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/motion_rates.h"
 #include "datasets/io/source_quality.h"
+#include "localize/reconstruct/rolling_shutter.h"
 #include "survey/panorama/rig_files.h"
 
 namespace trigpoint {
@@ -452,9 +454,12 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
                      std::to_string(job.without_odometry) + " of " + std::to_string(run.images.size()) +
                      " lie outside odometry's time; check odometry.time_offset_s in run.yaml)");
   }
-  std::vector<std::string> names;
-  for (const FrameImage& image : input.images) names.push_back(image.name);
-  input.image_features = [store, names](int image) { return store->Read(names[static_cast<size_t>(image)]); };
+  input.body_rates = RatesAt(run.odometry, input.pose_stamps);
+  input.image_features = [store, images = input.images, cameras = input.cameras, rates = input.body_rates](int i) {
+    const FrameImage& image = images[static_cast<size_t>(i)];
+    const BodyCamera& camera = cameras[static_cast<size_t>(image.camera)];
+    return AtImageTime(store->Read(image.name), camera, rates[static_cast<size_t>(image.pose)]);
+  };
   return job;
 }
 

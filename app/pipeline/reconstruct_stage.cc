@@ -71,6 +71,23 @@ nlohmann::json ReconstructionMetrics(const LocalizeJob& job, const RunReconstruc
   return m;
 }
 
+// What the images show of the cameras' readout times: offered, never taken unasked.
+void OfferReadout(const LocalizeInput& input, const std::vector<ReadoutEstimate>& readout, StageContext& context) {
+  constexpr double kSigmas = 5, kLeast_s = 1e-3;
+  for (const ReadoutEstimate& e : readout) {
+    const BodyCamera& camera = input.cameras[static_cast<size_t>(e.camera)];
+    context.metrics["readout"][camera.name] = {
+        {"used_s", camera.readout_s}, {"estimate_s", e.readout_s}, {"sigma_s", e.sigma_s}};
+    if (camera.IsFurtherView() || std::abs(e.change_s) < std::max(kLeast_s, kSigmas * e.sigma_s)) continue;
+    context.progress.Log(
+        LogLevel::kWarning,
+        fmt::format("camera {}: the images fit best with a readout time of {:.1f} ms +- {:.1f} ms (1 sigma) from the "
+                    "first row to the last; {:.1f} ms was used. If its shutter is a rolling one, write readout_s: "
+                    "{:.4f} under {} in camchain.yaml",
+                    camera.name, 1e3 * e.readout_s, 1e3 * e.sigma_s, 1e3 * camera.readout_s, e.readout_s, camera.name));
+  }
+}
+
 // Refuses odometry that follows other conventions than those of docs/file_formats.md.
 void RequireConventions(const Run& run, const LocalizeInput& input, StageContext& context) {
   if (const auto unit = FindOtherUnit(run)) throw RefusedInput(kOdometry, *unit);
@@ -173,6 +190,7 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
   if (!job.input.has_odometry) HeedLenses(job.input, &result, context);
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
   context.metrics.update(ReconstructionMetrics(job, result));
+  OfferReadout(job.input, result.readout, context);
   context.progress.Begin("writing the solution", 0);
   WriteSolution(SolutionOf(job.input, run.name, mode, std::move(result)), context.out / kSolutionFile);
 }

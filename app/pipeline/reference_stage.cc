@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -91,6 +92,7 @@ void MakeReference(const ReferenceStageOptions& options, const StageTarget& targ
   input.images = run.images;
   std::vector<std::string> warnings;
   input.detections = ReadDetections(ResultOf(project, "detect", target) / "detections.csv", 0.5, &warnings);
+  MoveToImageTimes(run, project.site().tags, &input.detections);
   if (input.images.empty()) {  // only detections were brought
     for (const ImageDetections& image : input.detections) {
       ImageEntry entry;

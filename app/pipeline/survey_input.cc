@@ -11,6 +11,7 @@
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
+#include "app/pipeline/rolling_tags.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
@@ -368,6 +369,7 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   survey.cameras = run.cameras;
   survey.images = detections != nullptr ? detections->at(run.name) : ReadDetections(file, 0.5, &job->warnings);
   LeaveOutExcluded(project.review(), run.name, survey.images);
+  MoveToImageTimes(run, project.site().tags, &survey.images);
   survey.odometry = run.odometry;
   survey.scale_sigma = run.config.odometry_scale_sigma;
   survey.levelled = run.config.odometry_levelled;

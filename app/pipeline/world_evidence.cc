@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "app/pipeline/reviewed.h"
+#include "app/pipeline/rolling_tags.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 #include "eval/errors/reference_maps.h"
@@ -174,6 +175,7 @@ void WorldSources::ReadImages(const Project& project, const StageTarget& target)
   }
   detections_ = ReadDetections(file, TagPosesOptions().extra_sigma_px, &warnings_);
   LeaveOutExcluded(project.review(), run_, detections_);
+  MoveToImageTimes(project.run(run_), project.site().tags, &detections_);
 }
 
 std::vector<TagView> WorldSources::ViewsOf(const std::vector<Rigid3d>& body_from_odom) const {

@@ -13,9 +13,11 @@
 namespace trigpoint {
 namespace {
 
-const std::vector<std::string> kKeys = {"camera_model", "intrinsics",   "distortion_model",  "distortion_coeffs",
-                                        "resolution",   "rostopic",     "T_cam_imu",         "T_imu_cam",
-                                        "T_cn_cnm1",    "cam_overlaps", "timeshift_cam_imu", "crop"};
+const std::vector<std::string> kKeys = {
+    "camera_model", "intrinsics", "distortion_model", "distortion_coeffs", "resolution", "rostopic", "T_cam_imu",
+    "T_imu_cam",    "T_cn_cnm1",  "cam_overlaps",     "timeshift_cam_imu", "readout_s",  "crop"};
+
+constexpr double kLongestReadout_s = 0.2;
 
 constexpr double kWidest360 = 65534, kLongestSide = 1e6;
 
@@ -128,6 +130,19 @@ std::string Rows(const Rigid3d& transform) {
   return text;
 }
 
+double ReadReadout(const YamlMap& map, const BodyCamera& camera) {
+  const double readout_s = map.Number("readout_s", 0);
+  if (std::abs(readout_s) > kLongestReadout_s) {
+    map.Fail("readout_s",
+             "expected seconds from the first row to the last, at most 0.2, found " + map.Text("readout_s"));
+  }
+  const bool whole = camera.part.kind == PicturePart::Kind::kAll;
+  if (readout_s != 0 && (!whole || camera.camera.model() == CameraModel::kEquirectangular)) {
+    map.Fail("readout_s", "expected none of a 360 camera or a crop: its rows are not those of the sensor");
+  }
+  return readout_s;
+}
+
 }  // namespace
 
 Rigid3d LevelForwardCamera() {
@@ -182,6 +197,7 @@ std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file) {
                        "several cameras");
     }
     camera.time_offset_s = map.Number("timeshift_cam_imu", 0);
+    camera.readout_s = ReadReadout(map, camera);
     cameras.push_back(std::move(camera));
   }
   return cameras;
@@ -218,6 +234,7 @@ void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCame
     if (camera.part.kind == PicturePart::Kind::kCrop) {
       text += "  crop: [" + std::to_string(camera.part.x) + ", " + std::to_string(camera.part.y) + ", " + size;
     }
+    if (camera.readout_s != 0) text += "  readout_s: " + Number(camera.readout_s) + "\n";
     if (camera.time_offset_s != 0) text += "  timeshift_cam_imu: " + Number(camera.time_offset_s) + "\n";
     if (camera.has_extrinsics) {
       text += "  T_cam_imu:   # camera from body (x forward, y left, z up)\n" + Rows(camera.cam_from_body);

@@ -38,6 +38,9 @@ struct BodyCamera {
   bool has_extrinsics = false;
   PicturePart part;
   double time_offset_s = 0;  // Kalibr's timeshift_cam_imu: t_imu = t_cam + shift
+  // Rolling shutter: from the first row's exposure to the last one's; negative: the last row comes first. An image's
+  // time is that of its middle row.
+  double readout_s = 0;
   CameraMask mask;
   // Nobody calibrated it: its focal length is a guess with this 1 sigma, a share of it; 0: calibrated.
   double focal_sigma_share = 0, guessed_focal_px = 0;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "calib/camera/rig.h"
+#include "calib/camera/rolling_shutter.h"
 #include "datasets/colmap/database.h"
 #include "datasets/io/site.h"
 
@@ -35,8 +36,10 @@ struct LocalizeInput {
   std::vector<FrameImage> images;       // ascending time
   std::vector<int64_t> pose_stamps;     // of each body pose
   std::vector<Rigid3d> odom_from_body;  // odometry at each body pose
+  std::vector<MotionRate> body_rates;   // and how the body moves there
   bool has_odometry = true;             // else these are the images' own motion, whose length nothing has measured
   std::vector<ReferenceViews> references;
+  // Of cameras with a readout time: where the features of far points would be at the image's time.
   std::function<FeatureSet(int image)> image_features;
   std::function<FeatureSet(int reference, int view)> view_features;
   bool has_frame = false;

@@ -4,76 +4,26 @@
 
 #include <cmath>
 
-#include "localize/reconstruct/lens_bundle.h"
+#include "localize/reconstruct/lens_shift.h"
 
 namespace trigpoint {
 namespace {
 
-constexpr int kPointsPerImage = 60;
-constexpr int kIterations = 10;
-constexpr int kLeastRedundancy = 200;  // with less, five more parameters remove much by chance
 // 1 sigma of each error before the images are used: wide. What images do not determine stays as calibrated.
 constexpr double kSigmaShare = 0.3, kSigmaCentre = 0.1;  // the centre's: share of half the diagonal
-// The same of a calibration with a board.
-constexpr double kUsual = 0.003;
 // A calibration is contradicted if another lens removes more than the first share of the squared residuals and moves
 // pixels by more than the second share of half the picture's diagonal. With good calibrations of real cameras, it
 // removes up to 30 % in runs straight ahead.
 constexpr double kMuchBetter = 0.4, kFarOff = 0.01;
 
 using Lens = Eigen::Map<const Eigen::Matrix<double, kLensParameters, 1>>;
-using Shift = Eigen::Matrix<double, 2, kLensParameters>;
-
-double HalfDiagonal(const Camera& camera) { return 0.5 * std::hypot(camera.width(), camera.height()); }
-
-// How far a pixel moves (px) with each parameter of the lens: a share of the focal length, the principal point (px, two
-// of them), and shares of radial distortion by r^2 and r^4, where r is 1 in the corners.
-Shift ShiftOf(const Camera& camera, const Eigen::Vector2d& pixel) {
-  const Eigen::Vector2d d = pixel - 0.5 * Eigen::Vector2d(camera.width() - 1, camera.height() - 1);
-  const double r2 = d.squaredNorm() / std::pow(HalfDiagonal(camera), 2);
-  Shift s;
-  s << d, Eigen::Matrix2d::Identity(), r2 * d, r2 * r2 * d;
-  return s;
-}
-
-std::optional<Eigen::Matrix<double, 3, 2>> RayByPixel(const Camera& camera, const Eigen::Vector2d& pixel) {
-  constexpr double kStep = 0.25;
-  Eigen::Matrix<double, 3, 2> j;
-  for (int i = 0; i < 2; ++i) {
-    const auto more = camera.Unproject(pixel + kStep * Eigen::Vector2d::Unit(i));
-    const auto less = camera.Unproject(pixel - kStep * Eigen::Vector2d::Unit(i));
-    if (!more || !less) return std::nullopt;
-    j.col(i) = (*more - *less) / (2 * kStep);
-  }
-  return j;
-}
-
-// Whitened difference of a point's direction from the observed ray, as the lens moves it.
-struct RayCost {
-  Rigid3d cam_from_body;
-  Eigen::Matrix<double, 2, 3> w;
-  Eigen::Vector3d ray;
-  Shift whitened_shift;
-  template <typename T>
-  bool operator()(const T* pose, const T* point, const T* lens, T* residual) const {
-    const Eigen::Matrix<T, 3, 1> in_cam = InCamera(cam_from_body, pose, point);
-    if (in_cam.squaredNorm() < T(1e-12)) return false;
-    Eigen::Map<Eigen::Matrix<T, 2, 1>>{residual} =
-        w.cast<T>() * (in_cam.normalized() - ray.cast<T>()) +
-        whitened_shift.cast<T>() * Eigen::Map<const Eigen::Matrix<T, kLensParameters, 1>>(lens);
-    return true;
-  }
-};
 
 ceres::CostFunction* CostOf(const LocalizeInput& input, const BearingObservation& o) {
   const BodyCamera& camera = input.cameras[static_cast<size_t>(o.view)];
   const auto pixel = camera.camera.Project(o.ray.cast<double>());
-  const auto by_pixel = pixel ? RayByPixel(camera.camera, *pixel) : std::nullopt;
-  if (!by_pixel) return nullptr;
-  const Eigen::Matrix<double, 2, 3> w = o.w.cast<double>();
-  auto* cost =
-      new RayCost{camera.cam_from_body, w, o.ray.cast<double>(), w * *by_pixel * ShiftOf(camera.camera, *pixel)};
-  return new ceres::AutoDiffCostFunction<RayCost, 2, 6, 3, kLensParameters>(cost);
+  LensShift shift;
+  if (!pixel || !WhitenedShift(camera.camera, *pixel, o.w.cast<double>(), &shift)) return nullptr;
+  return RayCostOf(camera.cam_from_body, o, shift);
 }
 
 double RmsShift(const Camera& camera, const Lens& lens) {
@@ -90,7 +40,7 @@ double RmsShift(const Camera& camera, const Lens& lens) {
 // Fills the bundle with the run's images and with what is known of their lenses, which are held. Returns the cameras
 // with images; none where these have too few points in common.
 std::vector<size_t> AddLenses(const LocalizeInput& input, double sigma_share, double sigma_centre, LensBundle* bundle) {
-  bundle->AddImages(kPointsPerImage, [&](const BearingObservation& o) { return CostOf(input, o); });
+  bundle->AddImages(kLensPointsPerImage, [&](const BearingObservation& o) { return CostOf(input, o); });
   bundle->AddMotion();
   std::vector<size_t> cameras;
   for (size_t c = 0; c < input.cameras.size(); ++c) {
@@ -106,7 +56,7 @@ std::vector<size_t> AddLenses(const LocalizeInput& input, double sigma_share, do
 
 double SolveWithLenses(const std::vector<size_t>& cameras, LensBundle* bundle) {
   for (const size_t c : cameras) bundle->problem.SetParameterBlockVariable(bundle->lenses[c].data());
-  return bundle->Solve(kIterations);
+  return bundle->Solve(kLensIterations);
 }
 
 // The ray of an observation under another lens, and its weight there.
@@ -137,7 +87,7 @@ LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& r) {
   const std::vector<size_t> cameras = AddLenses(input, kSigmaShare, kSigmaCentre, &bundle);
   LensCheck check;
   if (cameras.empty()) return check;
-  const double calibrated = bundle.Solve(kIterations);
+  const double calibrated = bundle.Solve(kLensIterations);
   check.better = calibrated > 0 ? 1 - SolveWithLenses(cameras, &bundle) / calibrated : 0;
   for (const size_t c : cameras) {
     const Lens lens(bundle.lenses[c].data());
@@ -148,7 +98,7 @@ LensCheck CheckLenses(const LocalizeInput& input, const Reconstruction& r) {
 
 std::vector<LensParameters> LensErrors(const LocalizeInput& input, const Reconstruction& r) {
   LensBundle bundle(r, std::vector<LensParameters>(input.cameras.size(), LensParameters{}));
-  const std::vector<size_t> cameras = AddLenses(input, kUsual, kUsual, &bundle);
+  const std::vector<size_t> cameras = AddLenses(input, kUsualLensError, kUsualLensError, &bundle);
   if (cameras.empty()) return {};
   SolveWithLenses(cameras, &bundle);
   return bundle.lenses;
@@ -163,8 +113,8 @@ Eigen::MatrixXd PoseShiftsByLenses(const LocalizeInput& input, const Reconstruct
   const Eigen::VectorXd gradient = covariance.Gradient();
   std::vector<Eigen::VectorXd> shifts;
   for (size_t c = 0; c < r.lens_errors.size(); ++c) {
-    const double centre = kUsual * HalfDiagonal(input.cameras[c].camera);
-    const LensParameters usual = {kUsual, centre, centre, kUsual, kUsual};
+    const double centre = kUsualLensError * HalfDiagonal(input.cameras[c].camera);
+    const LensParameters usual = {kUsualLensError, centre, centre, kUsualLensError, kUsualLensError};
     for (size_t k = 0; k < usual.size(); ++k) {
       std::vector<LensParameters> errors(r.lens_errors.size(), LensParameters{});
       errors[c][k] = usual[k];

@@ -48,6 +48,24 @@ ReconstructRunOptions WithoutOdometry(ReconstructRunOptions o) {
   return o;
 }
 
+// The reconstruction made again with the way of rolling shutters taken out: it is known by the first one.
+void ReadOutRows(const LocalizeInput& input, ReconstructStart start, const ReconstructOptions& options, int threads,
+                 ProgressSink& progress, const CancelToken& cancel, Reconstruction* r) {
+  if (!HasReadout(input)) return;
+  for (size_t k = 0; k < start.odom_from_body.size(); ++k) start.odom_from_body[k] = r->problem.poses[k].Inverse();
+  *r = Reconstruct(input, start, static_cast<int>(r->problem.points.size()), AtImageTimes(input, *r), options, false,
+                   threads, progress, cancel);
+}
+
+// None where the images do not determine it.
+std::vector<ReadoutEstimate> ReadoutTimes(const LocalizeInput& input, const Reconstruction& r) {
+  try {
+    return EstimateReadout(input, r);
+  } catch (const NumericError&) {
+    return {};
+  }
+}
+
 }  // namespace
 
 RunReconstruction ReconstructRun(const LocalizeInput& input, const ReconstructRunOptions& given, bool paper,
@@ -74,6 +92,9 @@ RunReconstruction ReconstructRun(const LocalizeInput& input, const ReconstructRu
     run.loops =
         CloseLoops(input, options.loops, {}, options.reconstruct, &run.reconstruction, threads, seed, progress, cancel);
     steps.End("loops");
+    ReadOutRows(input, std::move(start), options.reconstruct, threads, progress, cancel, &run.reconstruction);
+    run.readout = ReadoutTimes(input, run.reconstruction);
+    steps.End("rolling shutter");
   }
   return run;
 }

@@ -3,6 +3,7 @@
 
 #include "localize/reconstruct/loops.h"
 #include "localize/reconstruct/reconstruct.h"
+#include "localize/reconstruct/rolling_shutter.h"
 #include "localize/reconstruct/step_times.h"
 #include "localize/reconstruct/structure_from_motion.h"
 #include "localize/reconstruct/tracks.h"
@@ -45,6 +46,7 @@ struct RunReconstruction {
   int pairs_joined = 0;                   // verified, and in agreement with odometry and each other
   std::vector<ImagePair> pairs_rejected;  // verified, but contradicted
   LoopSummary loops;
+  std::vector<ReadoutEstimate> readout;  // of the cameras' rolling shutters, as the images show it; not in paper mode
   StepSeconds seconds;
 };
 

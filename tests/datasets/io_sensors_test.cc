@@ -92,6 +92,22 @@ TEST(Camchain, RefusesWhatItCannotMean) {
   EXPECT_THAT(message(""), HasSubstr("no camera"));
 }
 
+TEST(Camchain, ReadsReadoutTimes) {
+  const TempDir dir;
+  const std::vector<BodyCamera> cameras =
+      ReadCamchain(dir.Write("c.yaml", CameraText("cam0", std::string(kRadtan) + "  readout_s: -0.0215\n")));
+  EXPECT_EQ(cameras[0].readout_s, -0.0215);
+  WriteCamchain(dir / "copy.yaml", cameras, {});
+  EXPECT_EQ(ReadCamchain(dir / "copy.yaml")[0].readout_s, -0.0215);
+  const auto message = [&](const std::string& text) {
+    return MessageOf<InputError>([&] { ReadCamchain(dir.Write("c.yaml", text)); });
+  };
+  EXPECT_THAT(message(CameraText("cam0", std::string(kRadtan) + "  readout_s: 21.5\n")),
+              HasSubstr("expected seconds from the first row to the last, at most 0.2, found 21.5"));
+  EXPECT_THAT(message("cam0:\n  camera_model: equirectangular\n  resolution: [512, 256]\n  readout_s: 0.02\n"),
+              HasSubstr("expected none of a 360 camera or a crop"));
+}
+
 TEST(GpsCsv, SkipsBadRowsAndSorts) {
   const TempDir dir;
   const GpsTrack track =

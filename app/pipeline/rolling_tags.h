@@ -1,0 +1,16 @@
+// Corners of tags in images of rolling shutters.
+#pragma once
+
+#include <vector>
+
+#include "datasets/io/site.h"
+#include "survey/tags/tag_files.h"
+
+namespace trigpoint {
+
+// Moves corners to where a camera at the image's time would have seen them (calib/camera/rolling_shutter.h), in the
+// images of cameras with a readout time. How far away a tag is follows from its size; of tags without one, and without
+// odometry about the image's time, less or nothing is corrected.
+void MoveToImageTimes(const Run& run, const TagSizes& sizes, std::vector<ImageDetections>* images);
+
+}  // namespace trigpoint
