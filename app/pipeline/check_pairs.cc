@@ -77,14 +77,21 @@ const Keyframe* Earlier(const std::vector<Keyframe>& keyframes, size_t k) {
 
 }  // namespace
 
-PairLog::PairLog(const std::filesystem::path& file) : lines_(file, {{"schema", 4}, {"features", 1}}) { Read(); }
+PairLog::PairLog(const std::filesystem::path& file) : lines_(file, {{"schema", 5}, {"features", 1}}) { Read(); }
 
 void PairLog::Read() {
   lines_.Read([&](const nlohmann::json& j) {
-    SharedView view{j.at("shared"), std::nullopt, j.at("matches")};
+    SharedView view;
+    view.features = j.at("shared");
+    view.matches = j.at("matches");
     if (!j.at("turn").is_null()) {
       const std::array<double, 4> q = j.at("turn");
       view.b_from_a = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized();
+    }
+    if (!j.at("direction").is_null()) {
+      const std::array<double, 3> way = j.at("direction");
+      view.direction = Eigen::Vector3d(way[0], way[1], way[2]).normalized();
+      view.sigma_direction_rad = j.at("sigma_direction");
     }
     shared_[{j.at("run"), j.at("a"), j.at("b")}] = {j.at("versions"), view};
   });
@@ -128,7 +135,8 @@ std::vector<MeasuredTurn> TurnsOf(const FieldRun& run, const PairLog& log) {
     if (shared == nullptr || !shared->b_from_a) continue;
     const BodyCamera& camera = run.run->cameras[static_cast<size_t>(a.camera)];
     const auto stamp = [&](const FieldPicture& p) { return p.stamp_ns + std::llround(camera.time_offset_s * 1e9); };
-    turns.push_back({stamp(a), stamp(b), camera.cam_from_body.rotation, *shared->b_from_a});
+    turns.push_back({stamp(a), stamp(b), camera.cam_from_body.rotation, *shared->b_from_a, shared->direction,
+                     shared->sigma_direction_rad});
   }
   return turns;
 }
@@ -147,14 +155,21 @@ std::optional<std::string> FindOtherReading(const Run& run, const std::vector<Me
     motion.sensor_from_body.rotation = turn.sensor_from_body;
     motion.b_from_a.rotation = turn.b_from_a;
     motion.sigma_rotation_rad = kSigma_rad;
+    motion.has_direction = turn.direction.has_value();
+    motion.b_from_a.translation = turn.direction.value_or(Eigen::Vector3d::Zero());
+    motion.sigma_direction_rad = turn.sigma_direction_rad;
     poses.insert(poses.end(), {*a, *b});
     motions.push_back(motion);
   }
   const ReadingVerdict verdict = JudgeReadings(poses, motions, PoseReadings());
   if (verdict.kind != ReadingVerdict::Kind::kContradicted || verdict.better.empty()) return std::nullopt;
-  return fmt::format("{} contradicts the pictures: as read, its rotations agree with {} of {} pairs", odometry,
-                     verdict.as_read.turns_agree, verdict.as_read.turns) +
-         BetterReadings(verdict, fmt::format("{} of {}", verdict.best.turns_agree, verdict.best.turns));
+  const auto counts = [](const MotionAgreement& m) {
+    return fmt::format("{} of {} turns and {} of {} directions", m.turns_agree, m.turns, m.directions_agree,
+                       m.directions);
+  };
+  return fmt::format("{} contradicts the pictures: as read, it agrees with {} between pictures", odometry,
+                     counts(verdict.as_read)) +
+         BetterReadings(verdict, counts(verdict.best));
 }
 
 size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads, ProgressSink& progress,
@@ -195,13 +210,18 @@ size_t ComparePairs(const FieldRun& run, size_t most, PairLog* log, int threads,
       const Eigen::Vector4d& q = shared.b_from_a->coeffs();
       return nlohmann::json{q.x(), q.y(), q.z(), q.w()};
     };
+    const auto direction = [&] {
+      return nlohmann::json{shared.direction->x(), shared.direction->y(), shared.direction->z()};
+    };
     appender.Add({{"run", run.run->name},
                   {"a", pair.from},
                   {"b", pair.to},
                   {"versions", VersionsOf(*seen.at(pair.from), *seen.at(pair.to))},
                   {"shared", shared.features},
                   {"matches", shared.matches},
-                  {"turn", shared.b_from_a ? turn() : nlohmann::json()}});
+                  {"turn", shared.b_from_a ? turn() : nlohmann::json()},
+                  {"direction", shared.direction ? direction() : nlohmann::json()},
+                  {"sigma_direction", shared.sigma_direction_rad}});
   });
   log->Read();
   return pairs.size();

@@ -17,7 +17,8 @@ constexpr double kLeastDirectionGate = 25 * kDeg;
 constexpr double kSigmas = 4;
 constexpr int kLeastMotions = 4;
 constexpr double kMost = 0.5, kAgreement = 0.75;  // shares: below the first a reading is contradicted
-constexpr double kAlike = 0.03;                   // shares closer than this do not tell two readings apart
+constexpr double kAlike = 0.03;                   // shares closer than this do not tell two readings apart,
+constexpr double kAlikeMotions = 1.5;             // nor does one motion
 
 Eigen::Quaterniond WrittenWFirst(const Eigen::Quaterniond& q) {
   const Eigen::Vector4d c = q.coeffs();  // as read: x y z w
@@ -271,9 +272,10 @@ ReadingVerdict JudgeReadings(const std::vector<Rigid3d>& poses, const std::vecto
     agreements.push_back(CompareMotions(Read(poses, reading), motions));
     if (Enough(agreements.back(), kAgreement)) most = std::max(most, Score(agreements.back()));
   }
+  const double alike = std::max(kAlike, kAlikeMotions / std::max(1, as_read.turns + as_read.directions));
   int simplest = 0;
   for (size_t i = 0; i < readings.size(); ++i) {
-    if (!Enough(agreements[i], kAgreement) || Score(agreements[i]) < std::max(kAgreement, most - kAlike)) continue;
+    if (!Enough(agreements[i], kAgreement) || Score(agreements[i]) < std::max(kAgreement, most - alike)) continue;
     if (simplest == 0) {
       simplest = readings[i].changes;
       verdict.best = agreements[i];

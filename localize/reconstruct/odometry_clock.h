@@ -9,11 +9,14 @@
 
 namespace trigpoint {
 
-// Rotation of a sensor on the body between two images, measured without odometry.
+// Motion of a sensor on the body between two images, measured without odometry.
 struct MeasuredTurn {
   int64_t a_ns = 0, b_ns = 0;           // stamps of the images
   Eigen::Quaterniond sensor_from_body;  // the same at both
-  Eigen::Quaterniond b_from_a;          // of the sensor
+  Eigen::Quaterniond b_from_a;          // of the sensor: its rotation
+  // and its translation's direction (unit, of b_from_a), with 1 sigma, where that is known
+  std::optional<Eigen::Vector3d> direction = std::nullopt;
+  double sigma_direction_rad = 0;
 };
 
 struct OdometryClock {

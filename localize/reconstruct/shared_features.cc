@@ -44,6 +44,19 @@ QuickFeatures FindQuickFeatures(const cv::Mat& grey, const cv::Mat& mask, const 
   return quick;
 }
 
+namespace {
+
+void AddDirection(const WideBaselineResult& found, SharedView* view) {
+  constexpr double kMostSigma_rad = 0.1;  // about that up to which `reconstruct` compares directions
+  const Eigen::Matrix<double, 5, 5> covariance =
+      found.information.ldlt().solve(Eigen::Matrix<double, 5, 5>::Identity());
+  view->sigma_direction_rad = std::sqrt(covariance.bottomRightCorner<2, 2>().trace() / 2);
+  if (found.rotation_only || !(view->sigma_direction_rad < kMostSigma_rad)) return;
+  view->direction = found.b_from_a.translation.normalized();
+}
+
+}  // namespace
+
 SharedView CompareViews(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options) {
   const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, kMostDistance);
   SharedView view;
@@ -64,6 +77,7 @@ SharedView CompareViews(const QuickFeatures& a, const QuickFeatures& b, const Sh
   if (found.verified) {
     view.features = static_cast<int>(found.inliers.size());
     view.b_from_a = found.b_from_a.rotation;
+    AddDirection(found, &view);
     return view;
   }
   // A camera that stands still sees no parallax, which a relative pose needs.

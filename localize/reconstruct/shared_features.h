@@ -32,7 +32,10 @@ struct SharedView {
   // have made them.
   int features = 0;
   std::optional<Eigen::Quaterniond> b_from_a;  // rotation of that pose; none without one
-  int matches = 0;                             // mutual and distinct, whether they agree with a pose or not
+  // Of its translation, unit length, where the matches show it to a few degrees, and its 1 sigma.
+  std::optional<Eigen::Vector3d> direction;
+  double sigma_direction_rad = 0;
+  int matches = 0;  // mutual and distinct, whether they agree with a pose or not
 };
 // Deterministic; thread safe.
 SharedView CompareViews(const QuickFeatures& a, const QuickFeatures& b, const SharedFeatureOptions& options);
