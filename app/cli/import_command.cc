@@ -14,6 +14,7 @@
 #include "datasets/import/import_files.h"
 #include "datasets/import/providers/services.h"
 #include "datasets/import/run_track.h"
+#include "datasets/import/source_links.h"
 #include "datasets/io/capture_date.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
@@ -136,6 +137,7 @@ std::vector<std::vector<std::string>> TopicRows(const BagContents& contents, con
 
 // What is in a bag; nothing is imported.
 int ListTopics(Session& session, const Arguments& a) {
+  RequireFilesInside(a.from);
   const BagContents contents = ListBag(a.from, *session.cancel);
   const BagChoice choice = ChooseTopics(contents, a.bag.topics);
   Terminal terminal = session.MakeTerminal();
@@ -174,6 +176,7 @@ int List(Session& session, const Arguments& a, const std::string& as, const Serv
   std::string contents;
   bool needs_name = true;
   if (as == "colmap") {
+    RequireFilesInside(a.from);
     const SparseModel model = ReadColmapModel(a.from);
     contents = fmt::format("COLMAP model: {}, {}, {}", Counted(model.cameras.size(), "camera"),
                            Counted(model.images.size(), "image"), Counted(model.points.size(), "point"));

@@ -16,6 +16,7 @@
 #include "datasets/import/fast_png.h"
 #include "datasets/import/frame_tree.h"
 #include "datasets/import/run_folder.h"
+#include "datasets/import/source_links.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
@@ -417,6 +418,7 @@ class BagImport {
 ImportReport ImportBagRun(const fs::path& site, const fs::path& bag, const BagRunOptions& options,
                           ProgressSink& progress, const CancelToken& cancel) {
   if (options.every < 1) throw OptionError("--every: expected 1 or more, found " + std::to_string(options.every));
+  RequireFilesInside(bag);
   BagImport import(site, bag, options);
   const BagContents contents = ListBag(bag, cancel);
   import.Read(contents, progress, cancel);

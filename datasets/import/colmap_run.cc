@@ -218,6 +218,7 @@ TimedImages NumberImages(const SparseModel& model, const FrameOfImage& frame_of,
 ImportReport ImportColmapRun(const fs::path& site, const fs::path& model_dir, const ColmapRunOptions& options) {
   ImportReport report;
   const fs::path dir = NewRunOf(site, options);
+  RequireFilesInside(model_dir);
   SparseModel model = ReadColmapModel(model_dir);
   if (model.images.empty()) throw InputError(model_dir.string() + ": the model has no image");
   std::sort(model.images.begin(), model.images.end(), [](const auto& a, const auto& b) { return a.name < b.name; });

@@ -16,6 +16,13 @@ void RequireInside(const fs::path& root, const fs::path& file) {
                    target.string() + "; copy the file in its place");
 }
 
+void RequireFilesInside(const fs::path& root) {
+  std::error_code ignored;
+  for (fs::directory_iterator entry(root, ignored), end; entry != end; entry.increment(ignored)) {
+    if (!entry->is_directory(ignored)) RequireInside(root, entry->path());
+  }
+}
+
 void RequireAllInside(const fs::path& root) {
   for (const auto& entry : fs::recursive_directory_iterator(root, fs::directory_options::skip_permission_denied)) {
     if (entry.is_symlink()) RequireInside(root, entry.path());

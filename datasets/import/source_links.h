@@ -9,6 +9,9 @@ namespace trigpoint {
 // one. A file that is not there passes.
 void RequireInside(const std::filesystem::path& root, const std::filesystem::path& file);
 
+// The same of the files that lie in `root` itself, as those of a COLMAP model or a bag. A `root` that is a file passes.
+void RequireFilesInside(const std::filesystem::path& root);
+
 // The same of everything below `root`.
 void RequireAllInside(const std::filesystem::path& root);
 

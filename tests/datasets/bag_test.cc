@@ -248,6 +248,27 @@ TEST(Bag, IsReadAsFarAsItGoes) {
   EXPECT_THAT(Joined(contents.warnings), HasSubstr("is cut off; what lies before it is used"));
 }
 
+TEST(BagRun, LinksAreNotFollowedOut) {
+  const TempDir dir;
+  fs::create_directories(dir / "secret");
+  WriteDrive(WriteMcap(dir / "secret/drive_0.mcap", "").get());
+  fs::create_directories(dir / "real");
+  fs::create_symlink("../secret/drive_0.mcap", dir / "real/drive_0.mcap");
+  BagRunOptions options;
+  options.run = "drive";
+  EXPECT_THAT(MessageOf<InputError>([&] { Import(dir / "site", dir / "real", options); }),
+              HasSubstr("real/drive_0.mcap: expected a file in"));
+  EXPECT_FALSE(fs::exists(dir / "site/runs"));
+  fs::remove(dir / "real/drive_0.mcap");
+  fs::rename(dir / "secret/drive_0.mcap", dir / "real/all.mcap");
+  fs::create_directory_symlink(dir / "real", dir / "from");  // the user may name a folder, and a file, by a link
+  Import(dir / "site", dir / "from", options);
+  fs::create_symlink(dir / "real/all.mcap", dir / "link.mcap");
+  options.run = "again";
+  Import(dir / "site", dir / "link.mcap", options);
+  EXPECT_EQ(ReadRun(dir / "site/runs/again", dir / "site").images.size(), 20u);
+}
+
 TEST(Bag, StatesSizesThatAreBelieved) {
   const TempDir dir;
   // A chunk of 2^40 bytes; one that unpacks to more than it says.

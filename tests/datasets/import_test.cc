@@ -298,6 +298,29 @@ TEST(ImportColmap, NamesThatClimbOutAreRefused) {
   EXPECT_FALSE(fs::exists(dir / "site/runs"));
 }
 
+TEST(ImportColmap, LinksAreNotFollowedOut) {
+  const TempDir dir;
+  fs::create_directories(dir / "images");
+  cv::imwrite((dir / "images/a.jpg").string(), Gradient(64));
+  dir.Write("secret/cameras.txt", "1 PINHOLE 64 32 50 50 32 16\n");
+  dir.Write("model/images.txt", "1 1 0 0 0 0 0 0 1 a.jpg\n\n");
+  dir.Write("model/points3D.txt", "");
+  fs::create_symlink("../secret/cameras.txt", dir / "model/cameras.txt");
+  fs::create_directory_symlink(dir / "images", dir / "model/images");  // nothing of it is read
+  ColmapRunOptions options;
+  options.run = "run1";
+  options.images = dir / "images";
+  options.scale = 1;
+  EXPECT_THAT(MessageOf<InputError>([&] { ImportColmapRun(dir / "site", dir / "model", options); }),
+              HasSubstr("model/cameras.txt: expected a file in"));
+  EXPECT_FALSE(fs::exists(dir / "site/runs"));
+  fs::remove(dir / "model/cameras.txt");
+  fs::rename(dir / "secret/cameras.txt", dir / "model/own.txt");
+  fs::create_symlink("own.txt", dir / "model/cameras.txt");
+  fs::create_directory_symlink(dir / "model", dir / "from");  // the user may name a folder by a link
+  EXPECT_EQ(ImportColmapRun(dir / "site", dir / "from", options).warnings.size(), 0u);
+}
+
 TEST(ImportMapillary, TheDescriptionIsRead) {
   const TempDir dir;
   cv::imwrite((dir / "m.jpg").string(), Gradient(64));
