@@ -333,6 +333,8 @@ void ImagesDesk::Clear() {
   inspected_.reset();
   predictions_.clear();
   marks_.clear();
+  history_.Clear();
+  emit MarksChanged();
   tag_images_.clear();
   tag_ = -1;
   wanted_.clear();

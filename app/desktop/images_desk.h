@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 
+#include "app/desktop/mark_history.h"
 #include "app/desktop/tag_images.h"
 #include "app/desktop/workspace.h"
 #include "calib/camera/rig.h"
@@ -45,9 +46,17 @@ class ImagesDesk : public QWidget {
   MatchLines* lines() const { return lines_; }
   // The next image that shows the selected tag, in the order chosen; the first again after the last.
   void NextImageOfTag();
+  // The last mark that was set, moved or removed here is as it was before, on disk too; it is changed again. The image
+  // is shown.
+  void Undo();
+  void Redo();
+  // What they would do, in words; empty: nothing.
+  QString UndoText() const;
+  QString RedoText() const;
 
  signals:
   void Shown(const QString& image);  // the picture and what was found in it are there
+  void MarksChanged();               // what can be undone or made again
 
  protected:
   void showEvent(QShowEvent* event) override;
@@ -74,10 +83,13 @@ class ImagesDesk : public QWidget {
   void ShowPredictions();
   void Mark(double u, double v);
   void RemoveMark(const QString& point);
-  void ForgetPrediction();  // in this image, until it is predicted anew
-  void WriteMarks(std::function<void()> write, const QString& failed);
+  void Change(const QString& point, const std::optional<MarkPlace>& after);  // in this image; it can be undone
+  // As it is before or after the step; what was done is the way.
+  void Apply(const MarkStep& step, MarkHistory::Way way);
+  void ShowStep(const MarkStep& step);          // its image, its point
+  void ForgetPrediction(const QString& where);  // in an image, until it is predicted anew
   void WriteNextMarks();
-  bool IsHere(const QString& image) const;  // is it the image that is shown? Below the project, or RUN/FILE
+  QString Here() const { return run() + "/" + image(); }
   void ConnectMarks();
   void AddMarks(std::vector<PictureMark>* marks);  // to what is drawn
   void AddMatches(std::vector<PictureMark>* left, std::vector<PictureMark>* right);
@@ -121,15 +133,17 @@ class ImagesDesk : public QWidget {
   };
   std::vector<Prediction> predictions_;  // of the point that is named
   struct PlacedMark {
-    QString point, image;  // image: below the project
-    double u = 0, v = 0;
+    QString point, image;  // image: below the project, or RUN/FILE
+    MarkPlace place;
   };
   std::vector<PlacedMark> marks_;  // of all points
   struct MarksChange {
     std::function<void()> write;
-    QString failed;  // what to say then
+    int number;  // of its step
+    MarkHistory::Way way;
   };
   std::deque<MarksChange> changes_;  // drawn already; the first is being written
+  MarkHistory history_;
   std::vector<TagImage> tag_images_;
   int tag_ = -1;       // whose images those are
   size_t tag_at_ = 0;  // the one that is shown

@@ -19,6 +19,17 @@ namespace {
 
 constexpr double kMarkRing_px = 4;  // about a mark, in the picture
 
+// Of an image below the project, or RUN/FILE.
+bool IsOf(const QString& image, const QString& where) { return image == where || image.endsWith("/" + where); }
+
+QString Words(const MarkStep* step) {
+  if (step == nullptr) return QString();
+  const QString words = !step->before  ? ImagesDesk::tr("mark %1 in %2")
+                        : !step->after ? ImagesDesk::tr("remove the mark of %1 in %2")
+                                       : ImagesDesk::tr("move the mark of %1 in %2");
+  return words.arg(step->point, step->image);
+}
+
 }  // namespace
 
 void ImagesDesk::ConnectMarks() {
@@ -38,56 +49,57 @@ void ImagesDesk::ConnectMarks() {
   });
   connect(confirm_, &QPushButton::clicked, this, [this] {
     for (const Prediction& p : predictions_) {
-      if (IsHere(p.image)) return Mark(p.u, p.v);
+      if (IsOf(p.image, Here())) return Mark(p.u, p.v);
     }
   });
   connect(remove_, &QPushButton::clicked, this, [this] { RemoveMark(point_->currentText().trimmed()); });
   connect(point_, &QComboBox::currentTextChanged, this, &ImagesDesk::ShowMarks);
 }
 
-bool ImagesDesk::IsHere(const QString& of) const {
-  const QString where = run() + "/" + image();
-  return of == where || of.endsWith("/" + where);
-}
-
-void ImagesDesk::ForgetPrediction() {
-  predictions_.erase(
-      std::remove_if(predictions_.begin(), predictions_.end(), [this](const Prediction& p) { return IsHere(p.image); }),
-      predictions_.end());
+void ImagesDesk::ForgetPrediction(const QString& where) {
+  predictions_.erase(std::remove_if(predictions_.begin(), predictions_.end(),
+                                    [&](const Prediction& p) { return IsOf(p.image, where); }),
+                     predictions_.end());
 }
 
 void ImagesDesk::Mark(double u, double v) {
-  const QString point = point_->currentText().trimmed(), where = run() + "/" + image();
-  const auto drawn = std::find_if(marks_.begin(), marks_.end(),
-                                  [&](const PlacedMark& mark) { return mark.point == point && IsHere(mark.image); });
-  if (drawn != marks_.end()) {
-    drawn->u = u, drawn->v = v;
-  } else {
-    marks_.push_back({point, where, u, v});
-  }
-  ForgetPrediction();
-  WriteMarks(
-      [snapshot = workspace_->snapshot(), point = point.toStdString(), where = where.toStdString(), u, v] {
-        SavePointMark(*snapshot->project, point, where, {u, v});
-      },
-      tr("The mark was not saved."));
+  ForgetPrediction(Here());
+  Change(point_->currentText().trimmed(), MarkPlace{{u, v}});
 }
 
 void ImagesDesk::RemoveMark(const QString& point) {
-  marks_.erase(std::remove_if(marks_.begin(), marks_.end(),
-                              [&](const PlacedMark& mark) { return mark.point == point && IsHere(mark.image); }),
-               marks_.end());
-  if (point == point_->currentText().trimmed()) ForgetPrediction();
-  WriteMarks([snapshot = workspace_->snapshot(), point = point.toStdString(),
-              where = (run() + "/" + image()).toStdString()] { RemovePointMark(*snapshot->project, point, where); },
-             tr("The mark was not removed."));
+  if (point == point_->currentText().trimmed()) ForgetPrediction(Here());
+  Change(point, std::nullopt);
+}
+
+void ImagesDesk::Change(const QString& point, const std::optional<MarkPlace>& after) {
+  MarkStep step;
+  step.point = point, step.image = Here(), step.after = after;
+  for (const PlacedMark& mark : marks_) {
+    if (mark.point == point && IsOf(mark.image, step.image)) step.before = mark.place;
+  }
+  step.number = history_.Add(step);
+  Apply(step, MarkHistory::Way::kDone);
 }
 
 // Draws what was changed at once; the file follows, one change after the other.
-void ImagesDesk::WriteMarks(std::function<void()> write, const QString& failed) {
+void ImagesDesk::Apply(const MarkStep& step, MarkHistory::Way way) {
+  const std::optional<MarkPlace> place = way == MarkHistory::Way::kUndone ? step.before : step.after;
+  marks_.erase(
+      std::remove_if(marks_.begin(), marks_.end(),
+                     [&](const PlacedMark& mark) { return mark.point == step.point && IsOf(mark.image, step.image); }),
+      marks_.end());
+  if (place) marks_.push_back({step.point, step.image, *place});
   ++marks_generation_;  // what is being read is older
   Redraw();
-  changes_.push_back({std::move(write), failed});
+  changes_.push_back(
+      {[snapshot = workspace_->snapshot(), place, point = step.point.toStdString(), where = step.image.toStdString()] {
+         if (!place) return RemovePointMark(*snapshot->project, point, where);
+         SavePointMark(*snapshot->project, point, where, {place->pixel.x(), place->pixel.y()}, nullptr,
+                       place->sigma_px);
+       },
+       step.number, way});
+  emit MarksChanged();
   if (changes_.size() == 1) WriteNextMarks();
 }
 
@@ -99,12 +111,43 @@ void ImagesDesk::WriteNextMarks() {
         return true;
       },
       [this](const Attempted<bool>& written) {
-        if (!written.error.isEmpty()) emit workspace_->Problem(written.error, changes_.front().failed);
+        const MarksChange change = std::move(changes_.front());
         changes_.pop_front();
+        if (!written.error.isEmpty()) {
+          history_.Fail(change.number, change.way);
+          emit workspace_->Problem(written.error, tr("The change of the mark was not saved."));
+          emit MarksChanged();
+        }
         if (!changes_.empty()) return WriteNextMarks();
         ShowMarks();  // as the file has them: what was not written is taken back
       });
 }
+
+void ImagesDesk::Undo() {
+  if (!workspace_->snapshot() || history_.undone_next() == nullptr) return;
+  const MarkStep step = history_.Undo();
+  ShowStep(step);
+  Apply(step, MarkHistory::Way::kUndone);
+}
+
+void ImagesDesk::Redo() {
+  if (!workspace_->snapshot() || history_.redone_next() == nullptr) return;
+  const MarkStep step = history_.Redo();
+  ShowStep(step);
+  Apply(step, MarkHistory::Way::kRedone);
+}
+
+void ImagesDesk::ShowStep(const MarkStep& step) {
+  if (Here() != step.image) {
+    workspace_->Select("image:" + step.image);
+    ShowObject("image:" + step.image);  // it may have been selected already
+  }
+  point_->setCurrentText(step.point);
+  ForgetPrediction(step.image);
+}
+
+QString ImagesDesk::UndoText() const { return Words(history_.undone_next()); }
+QString ImagesDesk::RedoText() const { return Words(history_.redone_next()); }
 
 void ImagesDesk::ShowMarks() {
   if (!changes_.empty()) return;  // then they are read when those are written
@@ -119,8 +162,9 @@ void ImagesDesk::ShowMarks() {
       [snapshot = workspace_->snapshot()] {
         std::vector<PlacedMark> marks;
         for (const PointMark& mark : ReadPointMarks(*snapshot->project)) {
-          marks.push_back(
-              {QString::fromStdString(mark.point), QString::fromStdString(mark.image), mark.pixel.x(), mark.pixel.y()});
+          marks.push_back({QString::fromStdString(mark.point),
+                           QString::fromStdString(mark.image),
+                           {{mark.pixel.x(), mark.pixel.y()}, mark.sigma_px}});
         }
         return marks;
       },
@@ -170,14 +214,14 @@ void ImagesDesk::AddMarks(std::vector<PictureMark>* marks) {
   remove_->setEnabled(false);
   const Prediction* predicted = nullptr;
   for (const Prediction& p : predictions_) {
-    if (IsHere(p.image)) predicted = &p;
+    if (IsOf(p.image, Here())) predicted = &p;
   }
   for (const PlacedMark& placed : marks_) {
-    if (!IsHere(placed.image)) continue;
+    if (!IsOf(placed.image, Here())) continue;
     PictureMark mark;
     mark.layer = "marks";
     mark.kind = PictureMark::Kind::kCircle;
-    mark.points << QPointF(placed.u, placed.v) << QPointF(kMarkRing_px, 0);
+    mark.points << placed.place.pixel << QPointF(kMarkRing_px, 0);
     mark.colour = QColor(0, 114, 178);
     mark.text = placed.point;
     mark.object = "mark:" + placed.point;

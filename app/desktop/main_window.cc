@@ -452,20 +452,19 @@ void MainWindow::MakeViewMenu() {
 void MainWindow::MakeEditMenu() {
   QMenu* edit = menuBar()->addMenu(tr("&Edit"));
   // A field of text in which one writes keeps these keys for its own text.
-  QAction* undo = edit->addAction(
-      IconNamed("undo"), tr("&Undo"), this, [this] { Sketching() ? plan_->Undo() : decisions_->Undo(); },
-      QKeySequence::Undo);
-  QAction* redo = edit->addAction(
-      IconNamed("redo"), tr("&Redo"), this, [this] { Sketching() ? plan_->Redo() : decisions_->Redo(); },
-      QKeySequence::Redo);
+  QAction* undo = edit->addAction(IconNamed("undo"), tr("&Undo"), this, &MainWindow::Undo, QKeySequence::Undo);
+  QAction* redo = edit->addAction(IconNamed("redo"), tr("&Redo"), this, &MainWindow::Redo);
+  redo->setShortcuts({QKeySequence(tr("Ctrl+Shift+Z")), QKeySequence(tr("Ctrl+Y"))});
   undo->setObjectName("edit.undo");
   redo->setObjectName("edit.redo");
-  // What the desk in front changes: on the plan its sketch; marks of images are not undone, and hide no decision.
+  // What the desk in front changes: on the plan its sketch, on the images marks, elsewhere decisions.
   const auto show = [this, undo, redo] {
     QString back, again;
     if (Sketching()) {
       back = plan_->UndoText(), again = plan_->RedoText();
-    } else if (desk() != "images") {
+    } else if (Marking()) {
+      back = images_->UndoText(), again = images_->RedoText();
+    } else {
       back = decisions_->UndoText(), again = decisions_->RedoText();
     }
     undo->setText(back.isEmpty() ? tr("&Undo") : tr("&Undo: %1").arg(back));
@@ -475,12 +474,26 @@ void MainWindow::MakeEditMenu() {
   };
   connect(decisions_, &Decisions::Changed, edit, show);
   connect(plan_, &PlanDesk::Changed, edit, show);
+  connect(images_, &ImagesDesk::MarksChanged, edit, show);
   connect(desks_, &QTabWidget::currentChanged, edit, show);
   show();
   connect(workspace_, &Workspace::MenuAsked, this, &MainWindow::ShowMenu);
 }
 
+void MainWindow::Undo() {
+  if (Sketching()) return plan_->Undo();
+  if (Marking()) return images_->Undo();
+  decisions_->Undo();
+}
+
+void MainWindow::Redo() {
+  if (Sketching()) return plan_->Redo();
+  if (Marking()) return images_->Redo();
+  decisions_->Redo();
+}
+
 bool MainWindow::Sketching() const { return desk() == "plan"; }
+bool MainWindow::Marking() const { return desk() == "images"; }
 
 void MainWindow::ShowInScene(const QString& object) {
   workspace_->Select(object);

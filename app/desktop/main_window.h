@@ -109,7 +109,10 @@ class MainWindow : public QMainWindow {
   void ShowTabs();                        // icons and names, where there is room, else names, else icons
   void ShowAction(const Action& action);  // its form
   void ShowServices();
+  void Undo();  // what the desk in front changes
+  void Redo();
   bool Sketching() const;  // the plan desk is in front
+  bool Marking() const;    // the images desk is
   void ChooseStage(const QString& stage);
   void ShowInScene(const QString& object);
   void ShowIdle();  // in the status bar, while nothing runs

@@ -68,6 +68,8 @@ std::string MarkLine(const std::vector<std::string>& columns, const PointMark& m
       csv.Text(mark.image);
     } else if (column == "u" || column == "v") {
       csv.Number(column == "u" ? mark.pixel.x() : mark.pixel.y(), 3);
+    } else if (column == "sigma_px" && mark.sigma_px != PointMark().sigma_px) {
+      csv.Number(mark.sigma_px, 3);
     } else {
       csv.Empty();
     }
@@ -178,15 +180,17 @@ Eigen::Vector3d MeetingPoint(const std::vector<const LocalizedView*>& views) {
 std::vector<PointMark> ReadPointMarks(const Project& project) {
   std::vector<PointMark> marks;
   if (!fs::exists(FileOf(project))) return marks;
-  const CsvTable table = CsvTable::Read(FileOf(project), kMarkColumns);
+  const CsvTable table = CsvTable::Read(FileOf(project), kMarkColumns, {"sigma_px"});
   for (const CsvRow& row : table.rows()) {
-    marks.push_back({row.Text("point"), row.Text("image"), {row.Number("u"), row.Number("v")}});
+    PointMark mark{row.Text("point"), row.Text("image"), {row.Number("u"), row.Number("v")}};
+    mark.sigma_px = row.Number("sigma_px", mark.sigma_px);
+    marks.push_back(std::move(mark));
   }
   return marks;
 }
 
 PointMark SavePointMark(const Project& project, const std::string& point, const std::string& image,
-                        const Eigen::Vector2d& pixel, fs::path* kept) {
+                        const Eigen::Vector2d& pixel, fs::path* kept, double sigma_px) {
   if (Trim(point).empty()) throw InputError("a mark needs the name of its point");
   const NamedImage named = FindImage(project, image);
   const auto camera = static_cast<size_t>(named.entry->camera);
@@ -194,7 +198,8 @@ PointMark SavePointMark(const Project& project, const std::string& point, const 
       (camera < named.run->cameras.size() && !named.run->cameras[camera].camera.Contains(pixel))) {
     throw InputError(named.image + ": the mark lies outside the image");
   }
-  const PointMark mark{std::string(Trim(point)), named.image, pixel};
+  PointMark mark{std::string(Trim(point)), named.image, pixel};
+  mark.sigma_px = sigma_px;
   EditMarks(project, mark.point, mark.image, &mark, kept);
   return mark;
 }

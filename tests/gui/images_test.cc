@@ -2,6 +2,7 @@
 // turn, thumbnails, marks that are moved and removed.
 #include <gmock/gmock.h>
 
+#include <QAction>
 #include <QCheckBox>
 #include <QComboBox>
 #include <QLabel>
@@ -13,6 +14,7 @@
 
 #include "app/desktop/images_desk.h"
 #include "app/desktop/inspector.h"
+#include "app/desktop/mark_history.h"
 #include "app/desktop/match_lines.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/tag_images.h"
@@ -51,6 +53,27 @@ class ImagesTest : public ResultsWindowTest {
       if (mark.object == "mark:" + point) return &mark;
     }
     return nullptr;
+  }
+  void SetMark(const QPointF& at) {
+    PictureView* view = images_->left();
+    Click(window_.get(), "images.mark");
+    QTest::mouseClick(view, Qt::LeftButton, {}, view->WidgetAt(at).toPoint());
+  }
+  void Drag(const QPointF& from_pixel, const QPointF& to_pixel) {
+    PictureView* view = images_->left();
+    const QPoint from = view->WidgetAt(from_pixel).toPoint(), to = view->WidgetAt(to_pixel).toPoint();
+    QTest::mousePress(view, Qt::LeftButton, {}, from);
+    for (const QPoint& at : {(from + to) / 2, to}) {  // QTest moves the mouse without its button
+      QMouseEvent move(QEvent::MouseMove, at, Qt::LeftButton, Qt::LeftButton, {});
+      QApplication::sendEvent(view, &move);
+    }
+    QTest::mouseRelease(view, Qt::LeftButton, {}, to);
+  }
+  // The rows of the file without the header.
+  std::string Rows() const {
+    const std::string text = Marks();
+    const size_t header = text.find("point,image,u,v");
+    return header == std::string::npos ? "" : text.substr(text.find('\n', header) + 1);
   }
   std::string Marks() const {
     const QString file = Path("control_observations.csv");
@@ -156,13 +179,7 @@ TEST_F(ImagesTest, MarksAreSeenAtOnceMovedAndRemoved) {
   Screenshot(window_.get(), "images_mark");
   // Dragged to another place, and kept.
   const std::string written = Marks();
-  const QPoint from = view->WidgetAt(Mark("corner")->points[0]).toPoint(), to = view->WidgetAt({90, 70}).toPoint();
-  QTest::mousePress(view, Qt::LeftButton, {}, from);
-  for (const QPoint& at : {(from + to) / 2, to}) {  // QTest moves the mouse without its button
-    QMouseEvent move(QEvent::MouseMove, at, Qt::LeftButton, Qt::LeftButton, {});
-    QApplication::sendEvent(view, &move);
-  }
-  QTest::mouseRelease(view, Qt::LeftButton, {}, to);
+  Drag(Mark("corner")->points[0], {90, 70});
   ASSERT_TRUE(WaitFor([&] { return Mark("corner") != nullptr && std::abs(Mark("corner")->points[0].x() - 90) < 3; }));
   EXPECT_NEAR(Mark("corner")->points[0].y(), 70, 3);
   EXPECT_TRUE(WaitFor([&] { return Marks() != written && Marks().find("corner") != std::string::npos; }));
@@ -174,6 +191,99 @@ TEST_F(ImagesTest, MarksAreSeenAtOnceMovedAndRemoved) {
   Click(window_.get(), "images.remove");
   EXPECT_EQ(Mark("corner"), nullptr);
   EXPECT_TRUE(WaitFor([&] { return Marks().find("corner") == std::string::npos; }));
+}
+
+// Set, moved, removed: each is taken back and made again, in the file too, with the image that it is of.
+TEST_F(ImagesTest, MarksAreUndoneAndMadeAgain) {
+  auto* undo = Child<QAction>(window_.get(), "edit.undo");
+  auto* redo = Child<QAction>(window_.get(), "edit.redo");
+  const auto says = [](const QAction* action) { return action->text().remove('&').toStdString(); };
+  EXPECT_FALSE(undo->isEnabled());
+  Show("image:run1/images/000004.jpg");
+  Child<QComboBox>(images_, "images.point")->setCurrentText("corner");
+  SetMark({60, 40});
+  EXPECT_EQ(says(undo), "Undo: mark corner in run1/images/000004.jpg");
+  ASSERT_TRUE(WaitFor([&] { return !Rows().empty(); }));
+  const std::string set = Rows();
+  Drag(Mark("corner")->points[0], {90, 70});
+  EXPECT_EQ(says(undo), "Undo: move the mark of corner in run1/images/000004.jpg");
+  ASSERT_TRUE(WaitFor([&] { return Rows() != set; }));
+  const std::string moved = Rows();
+  Click(window_.get(), "images.remove");
+  EXPECT_EQ(says(undo), "Undo: remove the mark of corner in run1/images/000004.jpg");
+  ASSERT_TRUE(WaitFor([&] { return Rows().empty(); }));
+  // From another image, by the keys.
+  Show("image:run1/images/000007.jpg");
+  const auto press = [&](Qt::Key key, Qt::KeyboardModifiers modifiers) {
+    images_->left()->setFocus();
+    QTest::keyClick(images_->left(), key, modifiers);
+  };
+  press(Qt::Key_Z, Qt::ControlModifier);
+  EXPECT_EQ(images_->image(), "images/000004.jpg");
+  EXPECT_EQ(says(redo), "Redo: remove the mark of corner in run1/images/000004.jpg");
+  ASSERT_TRUE(WaitFor([&] { return Rows() == moved; })) << Rows();
+  press(Qt::Key_Z, Qt::ControlModifier);
+  ASSERT_TRUE(WaitFor([&] { return Rows() == set; })) << Rows();
+  press(Qt::Key_Z, Qt::ControlModifier);
+  ASSERT_TRUE(WaitFor([&] { return Rows().empty(); })) << Rows();
+  EXPECT_FALSE(undo->isEnabled());
+  EXPECT_EQ(Mark("corner"), nullptr);
+  press(Qt::Key_Z, Qt::ControlModifier | Qt::ShiftModifier);
+  ASSERT_TRUE(WaitFor([&] { return Rows() == set; })) << Rows();
+  press(Qt::Key_Y, Qt::ControlModifier);
+  ASSERT_TRUE(WaitFor([&] { return Rows() == moved; })) << Rows();
+  EXPECT_TRUE(WaitFor([&] { return Mark("corner") != nullptr && std::abs(Mark("corner")->points[0].x() - 90) < 3; }));
+  redo->trigger();
+  ASSERT_TRUE(WaitFor([&] { return Rows().empty(); })) << Rows();
+  EXPECT_FALSE(redo->isEnabled());
+  window_->ShowDesk("tables");  // no decision was taken
+  EXPECT_FALSE(undo->isEnabled());
+}
+
+// A mark that was not saved leaves nothing to be undone, and one that comes back has the sigma that it had.
+TEST_F(ImagesTest, WhatIsUndoneIsWhatTheFileHad) {
+  WriteFileAtomically(Path("control_observations.csv").toStdString(),
+                      "point,image,u,v,sigma_px\nmast,runs/run1/images/000004.jpg,60.000,40.000,2.500\n");
+  window_->workspace()->Reload();
+  auto* undo = Child<QAction>(window_.get(), "edit.undo");
+  Child<QComboBox>(images_, "images.point")->setCurrentText("mast");
+  Show("image:run1/images/000004.jpg");
+  ASSERT_TRUE(WaitFor([&] { return Mark("mast") != nullptr; }));
+  const std::string rows = Rows();
+  Click(window_.get(), "images.remove");
+  ASSERT_TRUE(WaitFor([&] { return Rows().empty(); }));
+  undo->trigger();
+  EXPECT_TRUE(WaitFor([&] { return Rows() == rows; })) << Rows();
+  EXPECT_FALSE(undo->isEnabled());
+  Child<QComboBox>(images_, "images.point")->setCurrentText("");
+  SetMark({80, 60});
+  EXPECT_TRUE(undo->isEnabled());
+  ASSERT_TRUE(WaitFor([&] { return window_->problem()->isVisible(); }));
+  EXPECT_FALSE(undo->isEnabled());
+  EXPECT_EQ(Rows(), rows);
+}
+
+TEST(MarkHistory, AStepThatFailedIsNotTheStartOfTheNext) {
+  MarkHistory history;
+  const auto step = [](std::optional<MarkPlace> before, std::optional<MarkPlace> after) {
+    return MarkStep{"P", "run1/a.jpg", before, after};
+  };
+  const MarkPlace first{{1, 1}}, outside{{-9, 1}}, last{{3, 3}};
+  history.Add(step({}, first));
+  const int failed = history.Add(step(first, outside));
+  history.Add(step(outside, last));
+  history.Fail(failed, MarkHistory::Way::kDone);
+  EXPECT_EQ(history.undone_next()->before->pixel, first.pixel);
+  const MarkStep undone = history.Undo();
+  history.Fail(undone.number, MarkHistory::Way::kUndone);  // it is still there
+  EXPECT_EQ(history.undone_next()->number, undone.number);
+  EXPECT_EQ(history.redone_next(), nullptr);
+  history.Undo();
+  const MarkStep redone = history.Redo();
+  history.Fail(redone.number, MarkHistory::Way::kRedone);
+  EXPECT_EQ(history.redone_next()->number, redone.number);
+  history.Add(step(first, last));
+  EXPECT_EQ(history.redone_next(), nullptr);
 }
 
 TEST_F(ImagesTest, AMarkThatIsNotSavedIsTakenBack) {

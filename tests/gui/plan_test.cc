@@ -202,7 +202,7 @@ TEST_F(PlanDeskTest, UndoIsOfTheDeskInFront) {
   EXPECT_EQ(Count("station"), 0U);
   Click(window_.get(), "plan.redo");
   EXPECT_EQ(Count("station"), 1U);
-  window_->ShowDesk("images");  // marks are not undone; no decision is taken for them
+  window_->ShowDesk("images");  // no mark was set, and no decision is taken for one
   EXPECT_FALSE(undo->isEnabled());
   QTest::keyClick(window_->images()->left(), Qt::Key_Z, Qt::ControlModifier);
   QTest::qWait(200);
