@@ -27,14 +27,14 @@ Ending EndingOf(const CheckOutcome& outcome, const std::filesystem::path& out) {
                                         1e3 * outcome.facts.prediction->RmsSigma(), outcome.facts.prediction->datum));
   }
   for (size_t k = 0; k < outcome.advice.size(); ++k) {
-    ending.Fact(k > 0 ? "  then" : outcome.light == Light::kGreen ? "To gain" : "Do next", outcome.advice[k].what);
+    ending.Fact(k > 0 ? "  then" : outcome.light == Light::kGreen ? "To gain" : "Do next", outcome.advice[k].what.In());
   }
   size_t shown = 0, wrong = 0;
   for (const SiteFinding& f : outcome.findings) wrong += f.light != Light::kGreen ? 1 : 0;
   for (const SiteFinding& f : outcome.findings) {
     if (f.light == Light::kGreen || shown == kFindingsShown) break;
     ++shown;
-    ending.Problem(Capitalised(LightName(f.light)), f.text);
+    ending.Problem(Capitalised(LightName(f.light)), f.text.In());
   }
   if (wrong > shown) ending.Problem("And", Counted(wrong - shown, "more finding", "more findings") + ": see the page");
   ending.Look("Page", out / "index.html");
@@ -46,15 +46,15 @@ void SayChanges(const CheckOutcome& outcome, std::set<std::string>* said, std::s
   std::set<std::string> now;
   for (const SiteFinding& f : outcome.findings) {
     if (f.light == Light::kGreen) continue;
-    const std::string line = fmt::format("{}: {}", LightName(f.light), f.text);
+    const std::string line = fmt::format("{}: {}", LightName(f.light), f.text.In());
     now.insert(line);
     if (!said->contains(line)) terminal->Say("  + " + line);
   }
   for (const std::string& line : *said) {
     if (!now.contains(line)) terminal->Say("  - " + line);
   }
-  if (!outcome.advice.empty() && *advised != outcome.advice.front().what) {
-    *advised = outcome.advice.front().what;
+  if (!outcome.advice.empty() && *advised != outcome.advice.front().what.In()) {
+    *advised = outcome.advice.front().what.In();
     terminal->Say("  next: " + *advised);
   }
   *said = std::move(now);
@@ -87,9 +87,9 @@ int Check(Session& session, const Arguments& a) {
       {"command", "check"},           {"ok", outcome.light == Light::kGreen}, {"light", LightName(outcome.light)},
       {"pictures", outcome.pictures}, {"waiting", outcome.waiting},           {"dir", check.out().string()}};
   for (const SiteFinding& f : outcome.findings) {
-    json["findings"].push_back({{"light", LightName(f.light)}, {"topic", f.topic}, {"text", f.text}});
+    json["findings"].push_back({{"light", LightName(f.light)}, {"topic", f.topic}, {"text", f.text.In()}});
   }
-  for (const Advice& advice : outcome.advice) json["next"].push_back(advice.what);
+  for (const Advice& advice : outcome.advice) json["next"].push_back(advice.what.In());
   session.PrintJson(json);
   return ExitCodeOf(outcome.light);
 }

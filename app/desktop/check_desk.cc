@@ -4,7 +4,6 @@
 #include <QHBoxLayout>
 #include <QLabel>
 #include <QPushButton>
-#include <QRegularExpression>
 #include <QResizeEvent>
 #include <QSplitter>
 #include <QTableWidget>
@@ -53,16 +52,6 @@ size_t PicturesOf(const CheckOutcome& outcome) {
   size_t pictures = outcome.facts.site == nullptr ? 0 : outcome.facts.site->references.size();
   for (const FieldSet& set : outcome.facts.sets) pictures += static_cast<size_t>(set.photos);
   return pictures + static_cast<size_t>(outcome.pictures);
-}
-
-// An advice states its distances in whole metres.
-QString InUnit(const std::string& advice, const Workspace& workspace) {
-  static const QRegularExpression kMetres("(?<![\\d.])(\\d+) m\\b");
-  QString text = Text(advice);
-  for (auto match = kMetres.match(text); workspace.unit() != "m" && match.hasMatch(); match = kMetres.match(text)) {
-    text.replace(match.capturedStart(), match.capturedLength(), workspace.Length(match.captured(1).toDouble(), 0));
-  }
-  return text;
 }
 
 void AddRow(QTableWidget* table, const QStringList& cells, const QColor& first, const QString& object = "") {
@@ -284,14 +273,17 @@ void CheckDesk::Show() {
   headline_->setText(Text(CheckHeadline(*outcome_)));
   headline_->setStyleSheet(
       QString("color: %1;").arg(ReadableOn(palette().color(QPalette::Window), ColourOfLight(outcome_->light)).name()));
+  const auto in_unit = [this](const LengthText& text) {
+    return Text(text.In(workspace_->unit().toStdString(), workspace_->metres_per_unit()));
+  };
   for (const Advice& advice : outcome_->advice) {
-    AddRow(next_, {InUnit(advice.what, *workspace_), InUnit(advice.why, *workspace_)}, QColor());
+    AddRow(next_, {in_unit(advice.what), Text(advice.why)}, QColor());
   }
   if (outcome_->advice.empty()) {
     AddRow(next_, {Text(NothingNext(outcome_->facts, outcome_->light == Light::kGreen)), ""}, QColor());
   }
   for (const SiteFinding& f : outcome_->findings) {
-    AddRow(findings_, {Text(LightName(f.light)), Text(f.topic), Text(f.text)},
+    AddRow(findings_, {Text(LightName(f.light)), Text(f.topic), in_unit(f.text)},
            ReadableOn(ground, ColourOfLight(f.light)));
   }
   next_->setColumnWidth(0, next_->viewport()->width() / 2);

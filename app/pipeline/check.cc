@@ -441,8 +441,8 @@ void SiteCheck::JudgeGates(CheckOutcome* outcome) const {
     if (!(limit > 0)) return;
     const bool passed = value <= limit;
     outcome->findings.push_back({passed ? Light::kGreen : Light::kRed, "accuracy",
-                                 fmt::format("gate {} at most {:g} m: predicted {:.4f} m, {}", what, limit, value,
-                                             passed ? "passed" : "not reached")});
+                                 "gate " + what + " at most " + Length{limit, -1} + ": predicted " + Length{value, 4} +
+                                     (passed ? ", passed" : ", not reached")});
   };
   gate(any_axis, worst_axis, "survey.max_tag_sigma_m, any axis,");
   gate(plan.max_tag_sigma_m, worst, "3D sigma of the weakest tag");

@@ -36,7 +36,7 @@ PlanFindings MapFindings(const CheckOutcome& outcome) {
   findings.prediction = *outcome.facts.prediction;
   for (const Advice& advice : outcome.advice) {
     PlanGain gain;
-    gain.what = advice.what;
+    gain.what = advice.what.In();
     gain.world_m = advice.from ? advice.from : advice.at;
     if (advice.from) gain.heading_rad = advice.heading_rad;
     findings.suggestions.push_back(gain);
@@ -70,7 +70,7 @@ PlanFindings MapFindings(const CheckOutcome& outcome) {
 void WriteTables(const CheckOutcome& outcome, const fs::path& folder) {
   CsvWriter findings({"light", "topic", "finding"}, {"trigpoint check findings 1"});
   for (const SiteFinding& f : outcome.findings) {
-    findings.Text(LightName(f.light)).Text(f.topic).Text(f.text);
+    findings.Text(LightName(f.light)).Text(f.topic).Text(f.text.In());
     findings.EndRow();
   }
   findings.Save(folder / "findings.csv");
@@ -100,7 +100,7 @@ void WriteTables(const CheckOutcome& outcome, const fs::path& folder) {
                  {"trigpoint check next 1; m, frame of the map; heading: clockwise from its y axis"});
   int rank = 0;
   for (const Advice& advice : outcome.advice) {
-    next.Integer(++rank).Text(advice.what).Text(advice.why);
+    next.Integer(++rank).Text(advice.what.In()).Text(advice.why);
     for (int k = 0; k < 3; ++k) {
       if (advice.from) {
         next.Number((*advice.from)[k], 2);
@@ -130,9 +130,9 @@ nlohmann::json SummaryOf(const CheckOutcome& outcome) {
                          {"findings", nlohmann::json::array()},
                          {"next", nlohmann::json::array()}};
   for (const SiteFinding& f : outcome.findings) {
-    json["findings"].push_back({{"light", LightName(f.light)}, {"topic", f.topic}, {"text", f.text}});
+    json["findings"].push_back({{"light", LightName(f.light)}, {"topic", f.topic}, {"text", f.text.In()}});
   }
-  for (const Advice& a : outcome.advice) json["next"].push_back({{"what", a.what}, {"why", a.why}});
+  for (const Advice& a : outcome.advice) json["next"].push_back({{"what", a.what.In()}, {"why", a.why}});
   if (outcome.facts.prediction) {
     json["datum"] = outcome.facts.prediction->datum;
     json["rms_tag_sigma_m"] = outcome.facts.prediction->RmsSigma();
@@ -148,7 +148,7 @@ Table FindingTable(const CheckOutcome& outcome) {
       "", "Red: the recordings do not suffice yet. Amber: check it before you leave the site. Green: no problem found"};
   table.columns = {{"light"}, {"topic"}, {"finding"}};
   for (const SiteFinding& f : outcome.findings) {
-    table.rows.push_back({Text(LightName(f.light), ToneOf(f.light)), Text(f.topic), Text(f.text)});
+    table.rows.push_back({Text(LightName(f.light), ToneOf(f.light)), Text(f.topic), Text(f.text.In())});
   }
   return table;
 }
@@ -211,7 +211,7 @@ Document PageOf(const CheckOutcome& outcome) {
   }
   int rank = 0;
   for (const Advice& advice : outcome.advice) {
-    page.blocks.push_back(Paragraph{fmt::format("{}. {}. Why: {}.", ++rank, advice.what, advice.why),
+    page.blocks.push_back(Paragraph{fmt::format("{}. {}. Why: {}.", ++rank, advice.what.In(), advice.why),
                                     advice.rms_after_m > 0 ? Tone::kPlain : Tone::kBad});
   }
   if (const auto map = CheckMap(outcome)) {

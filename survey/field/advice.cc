@@ -14,6 +14,7 @@ namespace {
 
 constexpr size_t kWeakest = 6;                                 // tags for which walks are tried
 constexpr double kSizes = 8, kNearest_m = 2, kFarthest_m = 6;  // distance from which a tag is photographed
+constexpr double kLookFrom_m = 3, kLookTo_m = 5;               // of a tag that is in no picture yet
 constexpr double kSide_deg = 50;                // between its normal and the line of sight, from the side
 constexpr double kStep_m = 0.7, kStep_s = 0.5;  // of a walk
 constexpr int kShots = 4;                       // pictures of each tag at the ends of a walk
@@ -171,8 +172,8 @@ class Adviser {
     for (const FieldRun& run : facts_.runs) {
       const auto loop = CoverLoop(facts_, run);
       if (!loop || !loop->open) continue;
-      list.push_back({fmt::format("Run {}: go on to where it began (picture {}) while recording, and pass the first "
-                                  "metres again",
+      list.push_back({fmt::format("Run {}: go on to where it began (picture {}) while recording, and pass the "
+                                  "beginning again",
                                   run.run->name, run.pictures.front().image),
                       "its loop is open: the drift of odometry is not known"});
     }
@@ -199,16 +200,18 @@ class Adviser {
     if (advice.at) {
       // Where it is, by the nearest tag that was found.
       double nearest = 1e9;
-      std::string where;
+      LengthText where;
       for (const auto& [id, pose] : facts_.layout->world_from_tag) {
         const Eigen::Vector3d away = *advice.at - pose.translation;
         if (id == tag_id || away.norm() >= nearest) continue;
         nearest = away.norm();
-        where = fmt::format(", {:.0f} m {} of tag {}", nearest, CompassText(std::atan2(away.x(), away.y())), id);
+        where = ", " + LengthText(Length{nearest}) +
+                fmt::format(" {} of tag {}", CompassText(std::atan2(away.x(), away.y())), id);
       }
       advice.what += where;
     }
-    advice.what += ", from 3 to 5 m and from two sides, coming from a tag that was seen";
+    advice.what += ", from " + LengthText(Length{kLookFrom_m, 0, false}) + " to " + Length{kLookTo_m} +
+                   " and from two sides, coming from a tag that was seen";
     return advice;
   }
 
@@ -267,8 +270,8 @@ class Adviser {
     const std::string where = std::abs(side) < kFront_deg ? "straight in front of it"
                               : side < 0                  ? "to the left of it as you face it"
                                                           : "to the right of it as you face it";
-    advice.what = fmt::format("Photograph tag {} from {:.0f} m, {}{}; record on the way there from tag {}", tag.tag_id,
-                              Distance(tag.tag_id), where,
+    advice.what = fmt::format("Photograph tag {} from ", tag.tag_id) + Length{Distance(tag.tag_id)} +
+                  fmt::format(", {}{}; record on the way there from tag {}", where,
                               InWorld() ? ", looking " + CompassText(*advice.heading_rad) : "", start.tag_id);
     advice.why = fmt::format("without scene points the tags' RMS sigma falls from {:.1f} to {:.1f} mm",
                              1e3 * before.RmsSigma(), 1e3 * advice.rms_after_m);

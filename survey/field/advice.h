@@ -5,12 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "calib/base/length_text.h"
 #include "survey/field/findings.h"
 
 namespace trigpoint {
 
 struct Advice {
-  std::string what;                     // a sentence: what, from where, looking where
+  LengthText what;                      // a sentence: what, from where, looking where
   std::string why;                      // "tag 57 is in no picture", "the tags' RMS sigma falls from 9.1 to 7.9 mm"
   std::optional<Eigen::Vector3d> from;  // where to stand, m, map frame
   std::optional<Eigen::Vector3d> at;    // what to look at

@@ -453,7 +453,11 @@ const char* LightName(Light light) {
 }
 
 std::string SomeOf(const std::vector<std::string>& names, size_t most) {
-  std::string text;
+  return SomeOf(std::vector<LengthText>(names.begin(), names.end()), most).In();
+}
+
+LengthText SomeOf(const std::vector<LengthText>& names, size_t most) {
+  LengthText text;
   for (size_t k = 0; k < std::min(most, names.size()); ++k) text += (k > 0 ? ", " : "") + names[k];
   return names.size() > most ? text + fmt::format(" and {} more", names.size() - most) : text;
 }

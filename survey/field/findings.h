@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/base/length_text.h"
 #include "datasets/io/site.h"
 #include "survey/field/picture_quality.h"
 #include "survey/network/network.h"
@@ -23,7 +24,7 @@ const char* LightName(Light light);  // green, amber, red
 struct SiteFinding {
   Light light = Light::kGreen;
   std::string topic;  // tags, blur, exposure, lens, files, map, calibration, odometry, clock, gps, loops, stations, ...
-  std::string text;   // one sentence, plain words
+  LengthText text;    // one sentence, plain words
 };
 
 struct FieldPicture {
@@ -156,5 +157,6 @@ std::vector<SiteFinding> FindInMap(const FieldFacts& facts);
 
 // "a, b, c and 4 more".
 std::string SomeOf(const std::vector<std::string>& names, size_t most = 4);
+LengthText SomeOf(const std::vector<LengthText>& names, size_t most = 4);
 
 }  // namespace trigpoint

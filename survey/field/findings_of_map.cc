@@ -75,7 +75,8 @@ void FindInTags(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
 // with it: their residuals are its consequences until it is mended.
 void FindInWarnings(const SurveyResult& map, std::vector<SiteFinding>* findings) {
   std::set<int> wrong;
-  std::vector<std::string> causes, follow;
+  std::vector<std::string> causes;
+  std::vector<LengthText> follow;
   for (const TagEstimate& tag : map.tags) {
     if (tag.status != "moved" && tag.status != "duplicate") continue;
     wrong.insert(tag.tag_id);
@@ -92,15 +93,16 @@ void FindInWarnings(const SurveyResult& map, std::vector<SiteFinding>* findings)
       if (wrong.empty()) {
         findings->push_back({Light::kAmber, "map", warning.text});
       } else if (!wrong.contains(point.tag_id)) {
-        follow.push_back(
-            fmt::format("{} point {} is {:.3f} m", RoleName(point.role), point.name, point.error_m.norm()));
+        follow.push_back(fmt::format("{} point {} is ", RoleName(point.role), point.name) +
+                         Length{point.error_m.norm(), 3});
       }
     }
   }
   if (follow.empty()) return;
-  findings->push_back({Light::kAmber, "map",
-                       fmt::format("{} off the map, which may follow from {} {}: mend that first, then check again",
-                                   SomeOf(follow), causes.size() == 1 ? "tag" : "tags", SomeOf(causes))});
+  findings->push_back(
+      {Light::kAmber, "map",
+       SomeOf(follow) + fmt::format(" off the map, which may follow from {} {}: mend that first, then check again",
+                                    causes.size() == 1 ? "tag" : "tags", SomeOf(causes))});
 }
 
 // A map that fewer than three control points hold is no better than the geotags beside them.
@@ -210,8 +212,8 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
     const double scale = std::abs(found.scale - 1);
     if (scale > 3 * run.run->config.odometry_scale_sigma && scale > 3 * found.scale_sigma) {
       add(Light::kAmber, "odometry",
-          fmt::format("1 m of odometry is {:.3f} m by the tags, a difference larger than scale_sigma {:g} allows; "
-                      "check the tags' size",
+          fmt::format("by the tags the lengths of odometry are {:.3f} times as long, a difference larger than "
+                      "scale_sigma {:g} allows; check the tags' size",
                       found.scale, run.run->config.odometry_scale_sigma));
     }
     if (!found.jumps_ns.empty()) {
@@ -229,7 +231,7 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
               factor));
     } else {
       add(Light::kGreen, "odometry",
-          fmt::format("odometry agrees with the tags; by them 1 m of odometry is {:.3f} m (1 sigma {:.3f} m)",
+          fmt::format("odometry agrees with the tags; by them its lengths are {:.3f} times as long (1 sigma {:.3f})",
                       found.scale, found.scale_sigma));
     }
   }
@@ -287,11 +289,12 @@ int TagsSharedWithOthers(const FieldFacts& facts, const FieldRun& run) {
   return static_cast<int>(shared.size());
 }
 
-std::string ClosedLoopText(const LoopCoverage& loop) {
-  std::vector<std::string> how;
+LengthText ClosedLoopText(const LoopCoverage& loop) {
+  std::vector<LengthText> how;
   if (loop.returns > 0) {
-    how.push_back(fmt::format("it came back to tags ({}, the last after {:.0f} m)",
-                              loop.returns == 1 ? "once" : fmt::format("{} times", loop.returns), loop.last_return_m));
+    how.push_back(fmt::format("it came back to tags ({}, the last after ",
+                              loop.returns == 1 ? "once" : fmt::format("{} times", loop.returns)) +
+                  Length{loop.last_return_m} + ")");
   }
   if (loop.pictures_again > 0) {
     how.push_back(fmt::format("{} show places that were passed before", Counted(loop.pictures_again, "picture")));
@@ -302,8 +305,8 @@ std::string ClosedLoopText(const LoopCoverage& loop) {
 void FindLoop(const FieldFacts& facts, const FieldRun& run, std::vector<SiteFinding>* findings) {
   const std::optional<LoopCoverage> loop = CoverLoop(facts, run);
   if (!loop) return;
-  const auto add = [&](Light light, const std::string& text) {
-    findings->push_back({light, "loops", fmt::format("{}: {:.0f} m, {}", run.run->name, loop->length_m, text)});
+  const auto add = [&](Light light, const LengthText& text) {
+    findings->push_back({light, "loops", run.run->name + ": " + LengthText(Length{loop->length_m}) + ", " + text});
   };
   const bool tagged = HasTags(facts);
   const std::string others =
@@ -333,8 +336,8 @@ void FindInStations(const FieldFacts& facts, std::vector<SiteFinding>* findings)
     const std::string name = "station " + station.station;
     if (station.pictures < kStationPictures) {
       findings->push_back({Light::kAmber, "stations",
-                           fmt::format("{}: {} within {:.0f} m; pass it again", name,
-                                       Counted(station.pictures, "picture"), kStation_m)});
+                           name + ": " + Counted(station.pictures, "picture") + " within " +
+                               LengthText(Length{kStation_m}) + "; pass it again"});
     } else if (station.sectors < kStationSectors) {
       findings->push_back(
           {Light::kAmber, "stations",

@@ -68,8 +68,24 @@ TEST_F(CheckDeskTest, ShowsWhatTheCommandFindsAndWatchesUntilStopped) {
   const auto* findings = Child<QTableWidget>(window_.get(), "check.findings");
   ASSERT_EQ(findings->rowCount(), static_cast<int>(desk->outcome()->findings.size()));
   for (int row = 0; row < findings->rowCount(); ++row) {
-    EXPECT_EQ(findings->item(row, 2)->text().toStdString(), desk->outcome()->findings[static_cast<size_t>(row)].text);
+    EXPECT_EQ(findings->item(row, 2)->text().toStdString(),
+              desk->outcome()->findings[static_cast<size_t>(row)].text.In());
   }
+  // What was said in metres is said in feet without another look.
+  window_->workspace()->SetUnit("ft");
+  const auto in_feet = [](const LengthText& text) { return text.In("ft", 0.3048); };
+  for (int row = 0; row < findings->rowCount(); ++row) {
+    EXPECT_EQ(findings->item(row, 2)->text().toStdString(),
+              in_feet(desk->outcome()->findings[static_cast<size_t>(row)].text));
+  }
+  const auto* next = Child<QTableWidget>(window_.get(), "check.next");
+  ASSERT_EQ(next->rowCount(), static_cast<int>(desk->outcome()->advice.size()));
+  for (int row = 0; row < next->rowCount(); ++row) {
+    EXPECT_EQ(next->item(row, 0)->text().toStdString(),
+              in_feet(desk->outcome()->advice[static_cast<size_t>(row)].what));
+  }
+  EXPECT_THAT(next->item(0, 0)->text().toStdString(), testing::HasSubstr("from 10 to 16 ft"));
+  window_->workspace()->SetUnit("m");
   EXPECT_TRUE(fs::exists(Path("results/check/index.html").toStdString()));
   auto* tags = Child<QTableWidget>(window_.get(), "check.tags");
   ASSERT_GT(tags->rowCount(), 0);

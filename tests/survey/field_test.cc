@@ -97,7 +97,7 @@ std::vector<std::string> Wrong(const FieldFacts& facts) {
   std::vector<std::string> texts;
   for (const auto& find : {FindInPictures, FindInMap}) {
     for (const SiteFinding& f : find(facts)) {
-      if (f.light != Light::kGreen) texts.push_back(f.text);
+      if (f.light != Light::kGreen) texts.push_back(f.text.In());
     }
   }
   return texts;
@@ -117,8 +117,32 @@ TEST(Field, ATagInNoPictureIsNamedAndComesFirst) {
   EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("tag 5 (station S5) is planned and in no picture")));
   const std::vector<Advice> advice = WhatNext(scene->facts, Options(), 3, 1, 1, CancelToken());
   ASSERT_FALSE(advice.empty());
-  EXPECT_THAT(advice[0].what, HasSubstr("Photograph tag 5 (station S5), "));
+  EXPECT_THAT(advice[0].what.In(), HasSubstr("Photograph tag 5 (station S5), "));
   EXPECT_THAT(advice[0].why, HasSubstr("in no picture"));
+}
+
+TEST(Field, LengthsAreInTheUnitAskedFor) {
+  constexpr double kFoot = 0.3048;
+  const LengthText text = "tag 5 is " + LengthText(Length{0.3048, 3}) + " off, from " + Length{3, 0, false} + " to " +
+                          Length{5} + ", at most " + Length{0.02, -1};
+  EXPECT_EQ(text.In(), "tag 5 is 0.305 m off, from 3 to 5 m, at most 0.02 m");
+  EXPECT_EQ(text.In("ft", kFoot), "tag 5 is 1.000 ft off, from 10 to 16 ft, at most 0.06562 ft");
+  SurveyInput input = Recorded(Yard());
+  for (ImageDetections& image : input.runs[0].images) {
+    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 5; });
+  }
+  const auto scene = SceneOf(input, Yard());
+  std::string metres, feet;
+  for (const auto& find : {FindInPictures, FindInMap}) {
+    for (const SiteFinding& f : find(scene->facts)) metres += f.text.In() + "\n", feet += f.text.In("ft", kFoot) + "\n";
+  }
+  for (const Advice& advice : WhatNext(scene->facts, Options(), 3, 1, 1, CancelToken())) {
+    metres += advice.what.In() + "\n", feet += advice.what.In("ft", kFoot) + "\n";
+  }
+  EXPECT_THAT(metres, testing::ContainsRegex("[0-9] m[ ,;)\n]"));
+  EXPECT_THAT(feet, testing::ContainsRegex("[0-9] ft[ ,;)\n]"));
+  EXPECT_THAT(feet, testing::Not(testing::ContainsRegex("[0-9] m[ ,;)\n]")));
+  EXPECT_THAT(feet, HasSubstr("from 10 to 16 ft and from two sides"));
 }
 
 TEST(Field, TagsInNoPictureShareOneLine) {
@@ -200,7 +224,7 @@ TEST(Field, ARunThatOthersHoldHasNoOpenLoop) {
   }
   std::vector<std::string> green;
   for (const SiteFinding& f : FindInMap(scene->facts)) {
-    if (f.light == Light::kGreen) green.push_back(f.text);
+    if (f.light == Light::kGreen) green.push_back(f.text.In());
   }
   EXPECT_THAT(green, testing::Contains(HasSubstr("that other runs share; it needs no loop of its own")));
   EXPECT_THAT(green, testing::Not(testing::Contains(HasSubstr("the loop is open"))));
@@ -217,7 +241,7 @@ TEST(Field, ARunThatNeverLooksBackIsNamed) {
   EXPECT_THAT(Wrong(open->facts), testing::Contains(HasSubstr("without coming back to a tag: the loop is open")));
   const auto closed = SceneOf(Recorded(Yard()), Yard());
   std::vector<std::string> texts;
-  for (const SiteFinding& f : FindInMap(closed->facts)) texts.push_back(f.text);
+  for (const SiteFinding& f : FindInMap(closed->facts)) texts.push_back(f.text.In());
   EXPECT_THAT(texts, testing::Contains(HasSubstr("loop closed")));
 }
 
@@ -286,7 +310,8 @@ TEST(Field, ATagInNoPictureHasThePlaceOfItsStation) {
   scene->facts.input->points.push_back(point);
   ASSERT_TRUE(first().at);
   EXPECT_LT((*first().at - at).norm(), 1e-9);
-  EXPECT_THAT(first().what, testing::MatchesRegex("Photograph tag 5 \\(station S5\\), [0-9]+ m .* of tag [46], .*"));
+  EXPECT_THAT(first().what.In(),
+              testing::MatchesRegex("Photograph tag 5 \\(station S5\\), [0-9]+ m .* of tag [46], .*"));
 }
 
 TEST(Field, ControlThatNoPictureShowsIsNamed) {
@@ -337,12 +362,12 @@ TEST(Field, OdometryElsewhereInTimeIsNamed) {
 TEST(Field, OdometryThatIsMeantOtherwiseIsNamedAndNothingElseIsBlamed) {
   const auto scene = SceneOf(Recorded(Yard()), Yard());
   const std::string problem = "odometry.tum contradicts the pictures: its quaternions are written w x y z";
-  scene->facts.runs[0].reading_problem = problem;
   scene->facts.map.reset();
+  scene->facts.runs[0].reading_problem = problem;
   EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr(problem)));
   for (const SiteFinding& f : FindInMap(scene->facts)) {
-    EXPECT_THAT(f.text, testing::Not(HasSubstr("odometry agrees")));
-    EXPECT_THAT(f.text, testing::Not(HasSubstr("no tag with a size is in any picture")));
+    EXPECT_THAT(f.text.In(), testing::Not(HasSubstr("odometry agrees")));
+    EXPECT_THAT(f.text.In(), testing::Not(HasSubstr("no tag with a size is in any picture")));
   }
 }
 
@@ -352,7 +377,7 @@ TEST(Field, AClockThatRotationsDoNotDecideIsNotSaidToAgree) {
   const auto about_the_clock = [&] {
     std::vector<std::string> texts;
     for (const SiteFinding& f : FindInMap(scene->facts)) {
-      if (f.topic == "clock") texts.push_back(f.text);
+      if (f.topic == "clock") texts.push_back(f.text.In());
     }
     return texts;
   };
@@ -386,10 +411,10 @@ TEST(Field, AdviceWithoutTagsNamesGapsAndTheOpenLoop) {
   const auto way = [&](size_t from, size_t to) {
     return "from picture " + run.pictures[from].image + " to " + run.pictures[to].image + " again";
   };
-  EXPECT_THAT(advice[0].what, HasSubstr(way(half - 1, half + 1)));  // the weakest comes first
+  EXPECT_THAT(advice[0].what.In(), HasSubstr(way(half - 1, half + 1)));  // the weakest comes first
   EXPECT_THAT(advice[0].why, HasSubstr("share 4 features"));
-  EXPECT_THAT(advice[1].what, HasSubstr(way(2, 3)));
-  EXPECT_THAT(advice[2].what, HasSubstr("go on to where it began (picture " + run.pictures[0].image));
+  EXPECT_THAT(advice[1].what.In(), HasSubstr(way(2, 3)));
+  EXPECT_THAT(advice[2].what.In(), HasSubstr("go on to where it began (picture " + run.pictures[0].image));
   run.pairs.push_back({run.pictures[0].image, run.pictures.back().image, 60, true, 0, 100});  // the loop is closed
   EXPECT_EQ(next().size(), 2U);
   for (FieldPair& pair : run.pairs) pair.shared = 80;
@@ -515,7 +540,7 @@ TEST(PictureQuality, ASmearedSpotIsNamed) {
     }
     std::vector<std::string> texts;
     for (const SiteFinding& f : FindInPictures(facts)) {
-      if (f.topic == "lens") texts.push_back(f.text);
+      if (f.topic == "lens") texts.push_back(f.text.In());
     }
     return texts;
   };
