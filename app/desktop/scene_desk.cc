@@ -15,6 +15,7 @@
 #include <QInputDialog>
 #include <QLabel>
 #include <QListWidget>
+#include <QPainter>
 #include <QPushButton>
 #include <QSlider>
 #include <QSpinBox>
@@ -426,6 +427,7 @@ void SceneDesk::changeEvent(QEvent* event) {
   QWidget::changeEvent(event);
   if (event->type() != QEvent::PaletteChange && event->type() != QEvent::StyleChange) return;
   ShowBackground();
+  ShowSwatches();
   Render();
 }
 
@@ -552,6 +554,20 @@ void SceneDesk::Forget() {
   Render();
 }
 
+// Of the layers, in an outline that is seen on every background: some are as dark as the list in the dark theme.
+void SceneDesk::ShowSwatches() {
+  const QSignalBlocker block(layers_);
+  for (int i = 0; i < layers_->count(); ++i) {
+    const QString layer = layers_->item(i)->data(Qt::UserRole).toString();
+    const QColor colour(QString::fromStdString(SceneView::ColourOfLayer(layer.toStdString())));
+    if (!colour.isValid()) continue;
+    QPixmap swatch(12, 12);
+    swatch.fill(palette().color(QPalette::Text));
+    QPainter(&swatch).fillRect(QRect(1, 1, 10, 10), colour);
+    layers_->item(i)->setIcon(swatch);
+  }
+}
+
 void SceneDesk::ShowLayers() {
   const QSignalBlocker block(layers_);
   std::map<QString, bool> shown;
@@ -564,17 +580,13 @@ void SceneDesk::ShowLayers() {
     const QString name = QString::fromStdString(layer);
     auto* item = new QListWidgetItem(tr(layer.c_str()), layers_);
     item->setData(Qt::UserRole, name);
-    if (const QColor colour(QString::fromStdString(SceneView::ColourOfLayer(layer))); colour.isValid()) {
-      QPixmap swatch(12, 12);
-      swatch.fill(colour);
-      item->setIcon(swatch);
-    }
     item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
     const auto before = shown.find(name);
     const bool on = before == shown.end() ? vtk_->view->Visible(layer) : before->second;
     item->setCheckState(on ? Qt::Checked : Qt::Unchecked);
     vtk_->view->SetVisible(layer, on);
   }
+  ShowSwatches();
   ShowRuns();
   PlaceOverlays();
   cube_->SetOnEarth(vtk_->scene->model.on_earth);

@@ -83,6 +83,7 @@ class SceneDesk : public QWidget {
   // From a side of the scene, as a click on the cube does; `from`: towards the viewer.
   void LookFrom(const Eigen::Vector3d& from);
   size_t PointsShown() const;
+  size_t PointsDrawn() const;  // fewer of many while the view moves
   bool shades_by_depth() const;  // eye-dome lighting is on, as far as the view rests
 
  signals:
@@ -110,6 +111,7 @@ class SceneDesk : public QWidget {
   void ClearScene();  // what is drawn, until the next scene is there
   void Forget();      // and everything that is said of it: another project is opened
   void ShowLayers();
+  void ShowSwatches();
   void ShowSelected();
   void ShowPicture();
   void ShowPointPicture(const std::string& name);

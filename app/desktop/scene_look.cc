@@ -167,6 +167,7 @@ void SceneDesk::DrawAsSet() {
 }
 
 size_t SceneDesk::PointsShown() const { return vtk_->view ? vtk_->view->PointsShown() : 0; }
+size_t SceneDesk::PointsDrawn() const { return vtk_->view ? vtk_->view->PointsDrawn() : 0; }
 
 bool SceneDesk::shades_by_depth() const { return vtk_->renderer->GetPass() != nullptr; }
 

@@ -14,6 +14,7 @@ namespace {
 constexpr int kCube_px = 84;
 constexpr double kHalfSide = 0.27;  // of the widget's width
 constexpr double kGridStep_px = 110, kBar_px = 140;
+constexpr double kBarLeft_px = 12, kBarUp_px = 34;  // of the scale bar, from the left and from below
 
 const std::array<Eigen::Vector3d, 6> kFaces = {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(-1, 0, 0),
                                                Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, -1, 0),
@@ -137,6 +138,16 @@ void PlanOverlay::paintEvent(QPaintEvent*) {
   PaintBar(&painter);
 }
 
+double PlanOverlay::BarLength() const { return RoundDown(kBar_px / frame_.bar_px); }
+
+QString PlanOverlay::BarText() const { return QString("%1 %2; %3").arg(BarLength()).arg(frame_.unit, frame_.name); }
+
+QRectF PlanOverlay::BarBox() const {
+  const QFontMetrics metrics(font());
+  const double wide = std::max<double>(metrics.horizontalAdvance(BarText()), BarLength() * frame_.bar_px);
+  return QRectF(kBarLeft_px, height() - kBarUp_px - 5 - metrics.ascent(), wide, metrics.ascent() + 11);
+}
+
 void PlanOverlay::PaintGrid(QPainter* painter) const {
   Eigen::Matrix2d grid_from_pixel;
   grid_from_pixel << frame_.a, frame_.b;
@@ -148,6 +159,8 @@ void PlanOverlay::PaintGrid(QPainter* painter) const {
     const Eigen::Vector2d at = frame_.origin + corner.x() * frame_.a + corner.y() * frame_.b;
     low = low.cwiseMin(at), high = high.cwiseMax(at);
   }
+  std::vector<QRectF> taken = frame_.legend;
+  taken.push_back(BarBox());
   const int decimals = std::max(0, static_cast<int>(-std::floor(std::log10(step) + 1e-9)));
   for (int axis = 0; axis < 2; ++axis) {
     for (double value = step * std::ceil(low[axis] / step); value <= high[axis]; value += step) {
@@ -160,7 +173,7 @@ void PlanOverlay::PaintGrid(QPainter* painter) const {
       painter->drawLine(QPointF(p.x(), p.y()), QPointF(q.x(), q.y()));
       const QString text = QString::number(value, 'f', decimals);
       QPointF at = axis == 0 ? QPointF(p.x() + 3, height() - 5) : QPointF(3, p.y() - 3);
-      for (const QRectF& line : frame_.legend) {
+      for (const QRectF& line : taken) {
         const bool over =
             axis == 1 && line.intersects(painter->fontMetrics().boundingRect(text).translated(at.toPoint()));
         if (over) at.setX(line.right() + 6);
@@ -171,15 +184,15 @@ void PlanOverlay::PaintGrid(QPainter* painter) const {
 }
 
 void PlanOverlay::PaintBar(QPainter* painter) const {
-  const double length = RoundDown(kBar_px / frame_.bar_px), px = length * frame_.bar_px;
-  const double x = 12, y = height() - 34;
+  const double px = BarLength() * frame_.bar_px;
+  const double x = kBarLeft_px, y = height() - kBarUp_px;
   for (int part = 0; part < 4; ++part) {
     painter->fillRect(QRectF(x + part * px / 4, y, px / 4, 6), part % 2 == 0 ? QColor(20, 20, 20) : QColor(Qt::white));
   }
   painter->setPen(QColor(20, 20, 20));
   painter->setBrush(Qt::NoBrush);
   painter->drawRect(QRectF(x, y, px, 6));
-  PaintText(painter, QPointF(x, y - 5), QString("%1 %2; %3").arg(length).arg(frame_.unit, frame_.name));
+  PaintText(painter, QPointF(x, y - 5), BarText());
   if (!frame_.has_north) return;
   painter->save();
   painter->translate(width() - 26, 44);

@@ -71,6 +71,9 @@ class PlanOverlay : public QWidget {
  private:
   void PaintGrid(QPainter* painter) const;
   void PaintBar(QPainter* painter) const;
+  double BarLength() const;  // in the frame's unit
+  QString BarText() const;
+  QRectF BarBox() const;  // with its text: numbers of the grid keep away from it
 
   PlanFrame frame_;
 };

@@ -22,7 +22,11 @@
 namespace trigpoint {
 namespace {
 
-constexpr double kBarWidth_text = 9;  // of the points' colours with its numbers, in heights of its text
+// The bar of the points' colours, in heights of the scene's text: its texts are smaller than others, and its numbers
+// are as wide as "0.00123".
+constexpr double kBarText = 0.8, kBarColours_text = 1.2, kBarNumbers_text = 3.4, kBarHeight_text = 12;
+constexpr double kBarCharacter_text = 0.45;  // of its title, in the mean
+constexpr double kBarShare = 0.36;           // of the picture's height, at most
 
 Colour ColourOf(ScenePath::Kind kind) {
   switch (kind) {
@@ -131,7 +135,7 @@ void SceneView::Parts::BuildPoints() {
     text->BoldOff();
     text->ShadowOff();
     text->SetColor(0.1, 0.1, 0.1);
-    text->SetFontSize(static_cast<int>(0.8 * style.text_px));
+    text->SetFontSize(static_cast<int>(kBarText * style.text_px));
   }
   points_bar = bar.Get();
   Add("points", bar);
@@ -142,10 +146,14 @@ void SceneView::Parts::BuildPoints() {
 void SceneView::Parts::PlaceBar(vtkRenderer* of) const {
   auto* bar = static_cast<vtkScalarBarActor*>(points_bar.Get());
   if (bar == nullptr) return;
-  const double room = std::clamp(kBarWidth_text * style.text_px / std::max(1, of->GetSize()[0]), 0.055, 0.5);
+  const double title = kBarCharacter_text * static_cast<double>(TitleOf(points_by, by_rank, unit).size());
+  const double wide = std::max(title, kBarColours_text + kBarNumbers_text);
+  const double width = std::min(0.5, wide * style.text_px / std::max(1, of->GetSize()[0]));
   bar->SetTextPositionToPrecedeScalarBar();
-  bar->SetWidth(room);
-  bar->SetPosition(0.985 - room, 0.04);
+  bar->SetBarRatio(kBarColours_text / wide);
+  bar->SetWidth(width);
+  bar->SetHeight(std::min(kBarShare, kBarHeight_text * style.text_px / std::max(1, of->GetSize()[1])));
+  bar->SetPosition(0.985 - width, 0.04);
 }
 
 void SceneView::Parts::ChoosePoints() {
@@ -233,12 +241,12 @@ void SceneView::Parts::ThinPoints(int most) {
   // A mapper of its own, so that neither is sent to the graphics card again when the view stops or starts to move.
   if (!few_points || few != most) {
     few = most;
-    const size_t step = (shown.size() + static_cast<size_t>(most) - 1) / static_cast<size_t>(most);
     std::vector<Eigen::Vector3d> positions;
     vtkDataArray* all = all_points->GetInput()->GetPointData()->GetScalars();
     const auto values = vtkSmartPointer<vtkDataArray>::Take(all->NewInstance());
     values->SetNumberOfComponents(all->GetNumberOfComponents());
-    for (size_t i = 0; i < shown.size(); i += step) {
+    for (size_t k = 0; k < static_cast<size_t>(most); ++k) {  // evenly, however many there are
+      const size_t i = k * shown.size() / static_cast<size_t>(most);
       positions.push_back(model.points[shown[i]].position);
       values->InsertNextTuple(static_cast<vtkIdType>(i), all);
     }

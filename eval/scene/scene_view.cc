@@ -332,6 +332,12 @@ void SceneView::FilterPoints(const PointFilter& filter) {
 
 size_t SceneView::PointsShown() const { return parts_->shown.size(); }
 
+size_t SceneView::PointsDrawn() const {
+  if (!parts_->points) return 0;
+  auto* mapper = static_cast<vtkPolyDataMapper*>(parts_->points->GetMapper());
+  return static_cast<size_t>(mapper->GetInput()->GetNumberOfPoints());
+}
+
 void SceneView::SetPointRgb(std::vector<std::array<uint8_t, 3>> rgb) {
   parts_->rgb = std::move(rgb);
   parts_->ColourPoints();

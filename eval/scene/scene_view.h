@@ -96,13 +96,14 @@ class SceneView {
   void ColourPointsBy(PointColour colour, bool by_rank = false);
   void FilterPoints(const PointFilter& filter);
   size_t PointsShown() const;
+  size_t PointsDrawn() const;  // of them, as the view moves or rests
   // Red, green and blue of every point of the model.
   void SetPointRgb(std::vector<std::array<uint8_t, 3>> rgb);
   // Labels that would lie on the legend or on others are left out: the first ones stay. For one picture of `renderer`.
   void MakeRoomForLabels(vtkRenderer* renderer) const;
   // Where the lines of the legend lie that are drawn: display coordinates, origin at the bottom left.
   std::vector<Eigen::AlignedBox2d> LegendBoxes(vtkRenderer* renderer) const;
-  static constexpr int kMovingPoints = 100000;  // drawn while the view moves
+  static constexpr int kMovingPoints = 100000;  // drawn while the view moves, of more
   // Draws less, so that a view that moves stays smooth without a graphics card: some of the points, evenly thinned, no
   // ellipsoids, and labels whose plates hide what is behind. `false`: everything again.
   void DrawMoving(bool moving);

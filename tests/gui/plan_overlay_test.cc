@@ -45,5 +45,23 @@ TEST(PlanOverlay, NumbersOfTheGridKeepOffTheLegend) {
   EXPECT_NEAR(Inked(&overlay, {left}), inked, 0.1 * inked);  // beside it, not left out
 }
 
+// In every position of the grid the text of the bar is drawn on nothing else.
+TEST(PlanOverlay, NumbersOfTheGridKeepOffTheBar) {
+  PlanOverlay overlay(nullptr);
+  overlay.resize(300, 200);
+  PlanFrame frame;
+  frame.name = "site", frame.bar_px = 10;
+  frame.a = {0.1, 0}, frame.b = {0, -0.1};
+  const QRectF text(0, 145, 100, 19);  // left of and in the bar's text
+  int alone = -1;
+  for (int at = 0; at < 40; ++at) {
+    frame.origin = {0, 1000 + 0.5 * at};
+    overlay.SetFrame(frame);
+    const int inked = Inked(&overlay, {text});
+    if (alone < 0) alone = inked;
+    EXPECT_NEAR(inked, alone, 20) << at;
+  }
+}
+
 }  // namespace
 }  // namespace trigpoint

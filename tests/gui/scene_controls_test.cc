@@ -364,6 +364,21 @@ TEST_F(SceneControlsTest, LayersKeepTheirOpacityOverAReload) {
   EXPECT_TRUE(WaitFor([&] { return scene_->Screenshot(320, 200) == faint; }));
 }
 
+// Truth is drawn black: on the dark theme's list its swatch is seen by its outline.
+TEST_F(SceneControlsTest, SwatchesAreSeenOnEveryBackground) {
+  auto* layers = Child<QListWidget>(window_.get(), "scene.layers");
+  const auto outline = [&] {
+    const QImage swatch = layers->findItems("optimised", Qt::MatchExactly).front()->icon().pixmap(12, 12).toImage();
+    EXPECT_EQ(swatch.pixelColor(6, 6), QColor(0, 114, 178));
+    return swatch.pixelColor(0, 6);
+  };
+  EXPECT_EQ(outline(), layers->palette().color(QPalette::Text));
+  window_->SetTheme("dark");
+  EXPECT_TRUE(WaitFor([&] { return outline() == layers->palette().color(QPalette::Text); }));
+  EXPECT_GT(outline().lightness(), 200);
+  window_->SetTheme("system");
+}
+
 TEST(Measurement, KnowsSlopeHorizontalHeightAzimuthAndTheirSigmas) {
   const MeasuredPlace a{"a", {1, 1, 1}, Eigen::Vector3d(0.03, 0.03, 0.03), std::nullopt};
   const MeasuredPlace b{"b", {4, 5, 13}, Eigen::Vector3d(0.04, 0.04, 0.04), std::nullopt};
@@ -551,7 +566,9 @@ TEST_F(ManyPointsTest, ASelectionIsSeenAtOnceWithSomeOfThemAndAllFollow) {
   auto* points = Child<QSlider>(window_.get(), "scene.size");
   points->setValue(1);
   ASSERT_TRUE(scene_->PointsShown() > size_t{SceneView::kMovingPoints});
+  ASSERT_TRUE(WaitFor([&] { return scene_->PointsDrawn() == scene_->PointsShown(); }));
   window_->workspace()->Select("station:S2");
+  EXPECT_EQ(scene_->PointsDrawn(), size_t{SceneView::kMovingPoints});
   const QImage at_once = Drawn();
   QImage later = at_once;
   ASSERT_TRUE(WaitFor([&] { return (later = Drawn()) != at_once; }, 5000));

@@ -3,6 +3,7 @@
 #include <vtkCamera.h>
 #include <vtkPropCollection.h>
 #include <vtkRenderer.h>
+#include <vtkScalarBarActor.h>
 
 #include <cmath>
 #include <map>
@@ -247,6 +248,39 @@ TEST_F(SceneTest, ALabelUnderTheLegendIsLeftOut) {
   view.SetVisible("legend", false);
   view.MakeRoomForLabels(renderer);
   EXPECT_NE(label->GetVisibility(), 0);
+  view.RemoveFrom(renderer);
+}
+
+// In a small window the bar of the colours takes the room that its texts need, and no more.
+TEST_F(SceneTest, TheBarIsAsWideAsItsTexts) {
+  const SceneModel model = Ring();
+  SceneStyle style;
+  style.text_px = 14;
+  SceneView view(model, style);
+  vtkRenderer* renderer = window_->renderer();
+  view.AddTo(renderer);
+  vtkScalarBarActor* bar = nullptr;
+  vtkPropCollection* props = renderer->GetViewProps();
+  props->InitTraversal();
+  while (vtkProp* prop = props->GetNextProp()) {
+    if (auto* found = vtkScalarBarActor::SafeDownCast(prop)) bar = found;
+  }
+  ASSERT_NE(bar, nullptr);
+  for (const cv::Size& size : {cv::Size(456, 508), cv::Size(1040, 840)}) {
+    window_->Render(size.width, size.height);
+    view.MakeRoomForLabels(renderer);
+    const cv::Mat with = window_->Render(size.width, size.height);
+    bar->SetVisibility(0);
+    cv::Mat change;
+    cv::absdiff(with, window_->Render(size.width, size.height), change);
+    bar->SetVisibility(1);
+    cv::cvtColor(change, change, cv::COLOR_BGR2GRAY);
+    const cv::Rect taken = cv::boundingRect(change > 0);
+    EXPECT_LT(taken.width, 5.2 * style.text_px);
+    EXPECT_LT(taken.height, 13 * style.text_px);
+    EXPECT_LT(taken.br().x, size.width);
+    EXPECT_GT(taken.width, 3.5 * style.text_px);
+  }
   view.RemoveFrom(renderer);
 }
 
