@@ -12,6 +12,8 @@
 #include <QTabWidget>
 #include <QTableWidget>
 #include <QVBoxLayout>
+#include <algorithm>
+#include <sstream>
 
 #include "app/desktop/background.h"
 #include "app/desktop/fitted_box.h"
@@ -31,6 +33,12 @@ namespace trigpoint {
 namespace fs = std::filesystem;
 
 namespace {
+
+// Of the table of errors, by index; they stand in another order (kShownOrder).
+enum Column { kReference, kAnswer, kRun, kStation, kPanorama, kA, kB, kDifference, kSigma, kStatus, kColumns };
+// What is compared first, so that it is seen in a narrow window, too.
+constexpr Column kShownOrder[kColumns] = {kStation,    kPanorama, kRun,    kA,         kB,
+                                          kDifference, kSigma,    kStatus, kReference, kAnswer};
 
 struct Comparison {
   std::vector<ReviewedError> rows;
@@ -52,6 +60,36 @@ void ForgetVariant(std::vector<ErrorRow>* rows) {
   for (ErrorRow& row : *rows) row.variant.clear();
 }
 
+// The folder that all panoramas are in, with its slash; photo sets are in none.
+QString CommonFolder(const std::vector<ReviewedError>& rows) {
+  QString common;
+  for (const ReviewedError& row : rows) {
+    const QString name = QString::fromStdString(row.panorama), folder = name.left(name.lastIndexOf('/') + 1);
+    if (folder.isEmpty()) continue;
+    if (!common.isEmpty() && folder != common) return QString();
+    common = folder;
+  }
+  return common;
+}
+
+// Sentences in lines of this many characters at most; rows of tables stay.
+constexpr size_t kLine = 88;
+
+std::string InLines(const std::string& text) {
+  std::string lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) {
+    while (line.size() > kLine && !line.starts_with('|')) {
+      const size_t space = line.rfind(' ', kLine);
+      if (space == std::string::npos || space < 3) break;
+      lines += line.substr(0, space) + "\n";
+      line = "  " + line.substr(space + 1);
+    }
+    lines += line + "\n";
+  }
+  return lines;
+}
+
 // As the other desks name methods and references.
 std::string PairedText(const std::vector<ErrorRow>& a, const std::vector<ErrorRow>& b, const std::string& name_a,
                        const std::string& name_b, const DisplayUnit& unit) {
@@ -60,7 +98,7 @@ std::string PairedText(const std::vector<ErrorRow>& a, const std::vector<ErrorRo
     group.reference = ReferenceName(group.reference);
     group.method_a = MethodName(group.method_a), group.method_b = MethodName(group.method_b);
   }
-  return FormatComparison(groups, name_a, name_b, unit.name, unit.metres);
+  return InLines(FormatComparison(groups, name_a, name_b, unit.name, unit.metres));
 }
 
 }  // namespace
@@ -94,12 +132,16 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
     table->setSortingEnabled(true);
     table->horizontalHeader()->setStretchLastSection(false);
     table->verticalHeader()->setDefaultSectionSize(table->fontMetrics().height() + 6);
-    table->verticalHeader()->show();
+  }
+  errors_->setColumnCount(kColumns);
+  for (int at = 0; at < kColumns; ++at) {
+    errors_->horizontalHeader()->moveSection(errors_->horizontalHeader()->visualIndex(kShownOrder[at]), at);
   }
   text_ = new QPlainTextEdit;
   text_->setObjectName("compare.text");
   text_->setAccessibleName(tr("Paired comparison"));
   text_->setReadOnly(true);
+  text_->setLineWrapMode(QPlainTextEdit::NoWrap);  // a table is read line by line
   text_->setFont(QFontDatabase::systemFont(QFontDatabase::FixedFont));
   scenes_ = new QWidget;
   new QHBoxLayout(scenes_);
@@ -263,11 +305,15 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
   };
   const QSignalBlocker block(errors_);
   errors_->setSortingEnabled(false);
-  errors_->setColumnCount(10);
-  errors_->setColumnHidden(2, single);
+  const bool one_method =
+      std::all_of(rows.begin(), rows.end(), [&](const auto& row) { return row.method == rows.front().method; });
+  errors_->setColumnHidden(kRun, single);
+  errors_->setColumnHidden(kAnswer, one_method);
+  const QString folder = CommonFolder(rows);
   errors_->setHorizontalHeaderLabels({tr("reference"), tr("answer"), tr("run"), tr("station"), tr("panorama"),
-                                      tr("A: 3D error (%1)").arg(unit), tr("B: 3D error (%1)").arg(unit),
-                                      tr("B - A (%1)").arg(unit), tr("1 sigma (%1)").arg(unit), tr("status A / B")});
+                                      QString("A (%1)").arg(unit), QString("B (%1)").arg(unit),
+                                      tr("B - A (%1)").arg(unit), QString::fromUtf8("\xcf\x83 (%1)").arg(unit),
+                                      tr("status")});
   SetHeaderHelp(errors_,
                 {tr("what the answers are compared with"), tr("how the answer was made: panorama (G2) or view (G1)"),
                  tr("run that the panorama was localized against"), tr("station at which the panorama was taken"),
@@ -295,7 +341,11 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
                             length(row.sigma_m),
                             status};
     for (int c = 0; c < cells.size(); ++c) {
-      auto* item = c >= 5 && c <= 8 ? new NumberItem(cells[c]) : new QTableWidgetItem(cells[c]);
+      auto* item = c >= kA && c <= kSigma ? new NumberItem(cells[c]) : new QTableWidgetItem(cells[c]);
+      if (c == kPanorama) {
+        item->setToolTip(cells[c]);
+        if (cells[c].startsWith(folder)) item->setText(cells[c].mid(folder.size()));
+      }
       item->setData(Qt::UserRole, QString::fromStdString("station:" + row.station));
       errors_->setItem(r, c, item);
     }

@@ -284,11 +284,26 @@ TEST_F(DesksTest, VariantsAreComparedStationByStation) {
   EXPECT_EQ(errors->item(row, 5)->text(), "0.0200");
   EXPECT_EQ(errors->item(row, 6)->text(), "0.0400");
   EXPECT_EQ(errors->item(row, 7)->text(), "0.0200");
-  EXPECT_EQ(errors->horizontalHeaderItem(8)->text(), "1 sigma (m)");
+  EXPECT_EQ(errors->horizontalHeaderItem(8)->text(), QString::fromUtf8("\xcf\x83 (m)"));
   EXPECT_EQ(errors->item(row, 8)->text(), "0.1068");  // of 0.05, 0.05 and 0.08 m
+  // In the smallest window everything from the station to the status is seen; the panoramas' folder is left out.
+  window_->resize(1024, 700);
+  ASSERT_TRUE(WaitFor([&] { return window_->width() == 1024 && errors->viewport()->width() < 680; }));
+  for (const int c : {2, 3, 4, 5, 6, 7, 8, 9}) {
+    EXPECT_FALSE(errors->isColumnHidden(c)) << c;
+    EXPECT_GE(errors->columnViewportPosition(c), 0) << c;
+    EXPECT_LE(errors->columnViewportPosition(c) + errors->columnWidth(c), errors->viewport()->width()) << c;
+  }
+  EXPECT_EQ(errors->item(row, 4)->text(), "p001.jpg");
+  EXPECT_EQ(errors->item(row, 4)->toolTip(), "panoramas/p001.jpg");
+  window_->resize(1280, 800);
   const auto* paired = Child<QPlainTextEdit>(window_.get(), "compare.text");
   EXPECT_THAT(paired->toPlainText().toStdString(), AllOf(HasSubstr("panorama (G2)"), HasSubstr("surveyed control"),
                                                          Not(HasSubstr("single")), HasSubstr("errors [m]")));
+  EXPECT_EQ(paired->lineWrapMode(), QPlainTextEdit::NoWrap);  // rows of its table stay whole
+  for (const QString& line : paired->toPlainText().split('\n')) {
+    EXPECT_TRUE(line.startsWith('|') || line.size() < 90) << line.toStdString();
+  }
   EXPECT_EQ(errors->item(row, 0)->text(), "surveyed control");
   window_->workspace()->SetUnit("ft");
   EXPECT_TRUE(WaitFor([&] { return paired->toPlainText().contains("errors [ft]"); }));
