@@ -316,7 +316,7 @@ void SiteCheck::AddPlanned(FieldFacts* facts) const {
 DetectionsOfRuns SiteCheck::DetectionsOf(const FieldFacts& facts) const {
   DetectionsOfRuns detections;
   for (const FieldRun& run : facts.runs) {
-    if (!run.reading_problem.empty()) continue;  // a map would blame what is right for it
+    if (run.IsMisread()) continue;  // a map would blame what is right for it
     std::vector<ImageDetections>& its = detections[run.run->name];
     for (const FieldPicture& picture : run.pictures) {
       const auto c = static_cast<size_t>(picture.camera);

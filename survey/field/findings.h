@@ -59,7 +59,9 @@ struct FieldRun {
   int waiting = 0;                     // pictures that are still being copied or not looked at yet
   std::optional<FieldClock> clock;
   std::string unit_problem;     // odometry against GPS; empty: none
-  std::string reading_problem;  // odometry against the pictures' rotations; empty: none. It is in no map then
+  std::string reading_problem;  // odometry against the pictures' motion; empty: none
+  // Odometry that is meant otherwise than it is read: the run is in no map then.
+  bool IsMisread() const { return !unit_problem.empty() || !reading_problem.empty(); }
   std::vector<FieldPair> pairs;
 };
 

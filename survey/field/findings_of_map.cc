@@ -204,7 +204,8 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
         fmt::format("odometry covers {} of {} pictures; check both clocks, or copy all of it", covered,
                     run.pictures.size()));
   }
-  if (!run.reading_problem.empty()) return add(Light::kRed, "odometry", run.reading_problem);
+  if (!run.reading_problem.empty()) add(Light::kRed, "odometry", run.reading_problem);
+  if (run.IsMisread()) return;
   FindInClock(run, findings);
   if (!facts.map) return;
   for (const RunAgreement& found : facts.map->runs) {
@@ -476,7 +477,7 @@ std::vector<SiteFinding> FindInMap(const FieldFacts& facts) {
     findings.push_back({Light::kGreen, "map", "no tags: neither tags.yaml nor a plan nor a picture has one"});
   } else if (!facts.map && facts.map_problem.empty()) {
     const bool unread = std::any_of(facts.runs.begin(), facts.runs.end(),
-                                    [](const FieldRun& run) { return !run.reading_problem.empty(); });
+                                    [](const FieldRun& run) { return run.IsMisread(); });
     findings.push_back({Light::kAmber, "map",
                         unread ? "there is no tag map until the odometry is mended"
                                : "there is no tag map yet: no tag with a size is in any picture of a run "

@@ -363,11 +363,15 @@ TEST(Field, OdometryThatIsMeantOtherwiseIsNamedAndNothingElseIsBlamed) {
   const auto scene = SceneOf(Recorded(Yard()), Yard());
   const std::string problem = "odometry.tum contradicts the pictures: its quaternions are written w x y z";
   scene->facts.map.reset();
-  scene->facts.runs[0].reading_problem = problem;
-  EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr(problem)));
-  for (const SiteFinding& f : FindInMap(scene->facts)) {
-    EXPECT_THAT(f.text.In(), testing::Not(HasSubstr("odometry agrees")));
-    EXPECT_THAT(f.text.In(), testing::Not(HasSubstr("no tag with a size is in any picture")));
+  FieldRun& run = scene->facts.runs[0];
+  for (std::string* its : {&run.reading_problem, &run.unit_problem}) {
+    *its = problem;
+    EXPECT_THAT(Wrong(scene->facts), testing::Contains(HasSubstr(problem)));
+    for (const SiteFinding& f : FindInMap(scene->facts)) {
+      EXPECT_THAT(f.text.In(), testing::Not(HasSubstr("odometry agrees")));
+      EXPECT_THAT(f.text.In(), testing::Not(HasSubstr("no tag with a size is in any picture")));
+    }
+    its->clear();
   }
 }
 
