@@ -3,6 +3,8 @@
 
     make_corpus.py CORPUS
 """
+import hashlib
+import json
 import os
 import sqlite3
 import struct
@@ -68,6 +70,57 @@ def files():
         "gopro": b"\x08" + gopro_video()}
 
 
+def project():
+    """The first inputs of fuzz_project: trigpoint.yaml, the review, a manifest, a sketch, readings, a release, tables."""
+    digest = hashlib.sha256(b"").hexdigest()
+    manifest = {"schema": 2, "stage": "survey", "name": "", "version": 3, "identity": digest, "options": {"loss": "huber"}, "values": {"review": None},
+                "inputs": {"control_points.csv": digest}, "seed": 1, "threads": 2, "metrics": {"tags": 4}, "warnings": ["a"], "files": {"tags.csv": digest},
+                "status": "done", "error": None, "end": "2026-05-12T09:43:20Z"}
+    release = {"schema": 2, "name": "r1", "files": {"map/tags.csv": {"sha256": digest, "bytes": 0}}}
+    cell = {"type": "Feature", "geometry": {"type": "Point", "coordinates": [7.8, 48, 240]}, "properties": {"kind": "tag", "name": "5", "size_m": 0.3, "heading_deg": 90}}
+    path = {"type": "Feature", "geometry": {"type": "LineString", "coordinates": [[7.8, 48], [7.8001, 48]]}, "properties": {"kind": "path", "name": "a"}}
+    entry = {"schema": 1, "entry": 1, "time": "2026-05-12T09:43:20Z", "user": "a", "action": "exclude", "object": "tag:5", "reason": "moved"}
+    undo = {**entry, "entry": 2, "action": "undo", "undoes": 1}
+    covariance = ",".join(f"c{a}{b}" for a in range(6) for b in range(6))
+    return {
+        "yaml": b"\x00schema: 1\nname: lot\norigin: {latitude_deg: 48, longitude_deg: 7.8, height_m: 240}\ncrs: EPSG:32632\nruns: []\nroles: {}\n"
+                b"gates: {survey: {max_tag_sigma_m: 0.02}}\nvariants: {v: {localize: {mode: paper}}}\nstages: {survey: {loss: huber}}\n",
+        "review": b"\x01" + "".join(json.dumps(e) + "\n" for e in (entry, undo)).encode(),
+        "manifest": b"\x02" + json.dumps(manifest).encode(),
+        "sketch": b"\x03" + json.dumps({"type": "FeatureCollection", "features": [cell, path]}).encode(),
+        "total_station": b"\x04setup,target,direction_deg,zenith_gon,slope_distance_m,target_height_m\nP1,tag:57/2,12.5,99.9,14.2,1.5\nP1,P2,190,,20,\n",
+        "release": b"\x05" + json.dumps(release).encode(),
+        "hashes": b"\x06" + json.dumps({"schema": 1, "files": {"control_points.csv": [10, 5, digest]}}).encode(),
+        "poses": b"\x07timestamp,image,camera,status,x,y,z,qx,qy,qz,qw,c00\n1,a.jpg,cam0,ok,1,2,3,0,0,0,1,0.1\n",
+        "tags": b"\x08# trigpoint tags 1; frame=enu; datum=control; sigma=1\ntag_id,family,size_m,x,y,z,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,role,status\n"
+                b"5,tag36h11,0.3,1,2,3,0,0,0,1,0.01,0.01,0.01,free,ok\n",
+        "covariances": f"\x09tag_a,tag_b,{covariance}\n5,5,{','.join(['1e-4'] * 36)}\n".encode(),
+        "errors": b"\x0arun,variant,method,station,panorama,tag_id,reference,kind,status,reason,error_3d_m,error_h_m,error_v_m,de_m,dn_m,du_m,error_rot_deg,"
+                  b"sigma_e_m,sigma_n_m,sigma_u_m,nees,dof\nrun1,,g2,S1,a.jpg,5,self,relative,ok,,0.3,0.2,0.1,0.1,0.1,0.1,,0.1,0.1,0.1,1,3\n",
+        "system": b"\x0bpoint: camera\nlever_arm_m: [0, 0, 1]\ntime_offset_s: 0.1\nalignment: se3\n",
+        "estimate": b"\x0c0.5 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 1\n"}
+
+
+def services():
+    """The first inputs of fuzz_services: answers of Panoramax, Mapillary, KartaView and Google, and a STAC file."""
+    item = {"type": "Feature", "id": "a-1", "geometry": {"type": "Point", "coordinates": [7, 48]},
+            "properties": {"datetime": "2024-05-12T09:43:20Z", "license": "CC-BY-SA-4.0", "view:azimuth": 90, "pers:pitch": 1, "quality:horizontal_accuracy": 2,
+                           "pers:interior_orientation": {"field_of_view": 360, "sensor_array_dimensions": [4096, 2048]}},
+            "assets": {"hd": {"href": "a.jpg", "type": "image/jpeg", "roles": ["data"]}}, "providers": [{"name": "Ann", "roles": ["producer"]}]}
+    mapillary = {"id": "1", "captured_at": 1715506000000, "geometry": {"type": "Point", "coordinates": [7, 48]}, "computed_geometry": {"coordinates": [7, 48]},
+                 "compass_angle": 90, "computed_compass_angle": 90, "computed_rotation": [1.2, -1.2, 1.2], "is_pano": True, "camera_type": "spherical",
+                 "width": 4096, "creator": {"username": "ann"}}
+    kartaview = {"id": "1", "projection": "SPHERE", "lat": "48", "lng": "7", "heading": "90", "shotDate": "2024-05-12 09:43:20", "width": "4096",
+                 "fileurl": "https://localhost/{{sizeprefix}}/a.jpg"}
+    google = [{"session": "s", "expiry": "9999999999"}, {"panoIds": ["a"]},
+              {"panoId": "a", "lat": 48, "lng": 7, "heading": 90, "tilt": 90, "roll": 0, "date": "2024-05", "copyright": "Google", "imageWidth": 4096,
+               "imageHeight": 2048, "tileWidth": 512, "tileHeight": 512, "links": [{"panoId": "b", "heading": 10}]}]
+    page = {"type": "FeatureCollection", "features": [item], "links": [{"rel": "next", "href": "http://127.0.0.1:1/search?page=2"}]}
+    return {"panoramax": b"\x00" + json.dumps(page).encode(), "mapillary": b"\x01" + json.dumps({"data": [mapillary]}).encode(),
+            "kartaview": b"\x02" + json.dumps({"status": {"apiCode": 600}, "result": {"data": [kartaview], "hasMoreData": True}}).encode(),
+            "google": b"\x03" + b"\0".join(json.dumps(answer).encode() for answer in google), "stac": b"\x04" + json.dumps(page).encode()}
+
+
 def main():
     corpus = sys.argv[1]
     cameras = struct.pack("<QIiQQ4d", 1, 1, 1, 640, 480, 500, 500, 320, 240)
@@ -122,6 +175,9 @@ def main():
         write(os.path.join(corpus, "tables"), name, content)
     for name, content in files().items():
         write(os.path.join(corpus, "files"), name, content)
+    for folder, inputs in (("project", project()), ("services", services())):
+        for name, content in inputs.items():
+            write(os.path.join(corpus, folder), name, content)
     write(os.path.join(corpus, "panorama_json"), "one", b'{"pano_id": "a", "location": {"lat": 48, "lng": 7}, "heading": 12, "date": "2024-06"}')
     write(os.path.join(corpus, "panorama_json"), "many", b'{"panoramas": [{"id": 3, "latitude": "48", "longitude": 7, "tilt": 91}, {"id": "../x"}, null]}')
 
