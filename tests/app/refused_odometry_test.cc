@@ -6,6 +6,7 @@
 #include "app/pipeline/check_pairs.h"
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/survey_input.h"
+#include "calib/geometry/pose_readings.h"
 #include "datasets/project/manifest.h"
 #include "tests/datasets/project_folder.h"
 
