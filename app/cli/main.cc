@@ -13,6 +13,7 @@
 #include "app/cli/field_commands.h"
 #include "app/cli/interchange_commands.h"
 #include "app/cli/stitch_command.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/forked.h"
@@ -30,7 +31,7 @@ void OnSignal(int signal) {
 }
 
 int Fail(const Session& session, std::string message, int exit_code) {
-  message = WithExcerpts(std::move(message), arguments);
+  message = WithExcerpts(WithExcerpts(message), arguments);
   for (char& c : message) c = c == '\n' ? ' ' : c;
   if (session.HoldsWarnings()) {  // there will be no ending to show them
     for (const auto& [level, text] : session.messages->said()) {

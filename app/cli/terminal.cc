@@ -8,6 +8,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "datasets/io/readable.h"
+
 namespace trigpoint {
 namespace {
 
@@ -87,7 +89,8 @@ void Terminal::Log(LogLevel level, std::string_view text) {
   static constexpr const char* kPrefixes[] = {"debug: ", "", "warning: ", "error: "};
   if (level < level_ || (quiet_ && level < LogLevel::kError)) return;
   const std::lock_guard guard(mutex_);
-  const std::string titled = title_.empty() ? std::string(text) : title_ + ": " + std::string(text);
+  const std::string shown = level >= LogLevel::kWarning ? WithExcerpts(text) : std::string(text);
+  const std::string titled = title_.empty() ? shown : title_ + ": " + shown;
   if (level >= LogLevel::kWarning) messages_->Add(level, titled);
   if (level == LogLevel::kWarning && holds_warnings_) return;
   Line(kPrefixes[static_cast<size_t>(level)] + titled);

@@ -1,6 +1,45 @@
 #include "datasets/io/readable.h"
 
+#include <algorithm>
+
 namespace trigpoint {
+namespace {
+
+constexpr std::string_view kBeforeWord = " (", kBehindQuote = " ,;:.)";
+
+// Where the quotation that begins at `begin` ends, at its second quote; npos: none begins there.
+size_t EndOfQuote(std::string_view text, size_t begin) {
+  if (text[begin] != '\'' || (begin > 0 && kBeforeWord.find(text[begin - 1]) == kBeforeWord.npos)) return text.npos;
+  size_t end = text.find('\'', begin + 1);
+  while (end != text.npos && end + 1 < text.size() && kBehindQuote.find(text[end + 1]) == kBehindQuote.npos) {
+    end = text.find('\'', end + 1);
+  }
+  return end;
+}
+
+}  // namespace
+
+std::string WithExcerpts(std::string_view message) {
+  std::string cut;
+  for (size_t at = 0; at < message.size();) {
+    if (const size_t end = EndOfQuote(message, at); end != message.npos) {
+      cut += '\'';
+      cut += Excerpt(message.substr(at + 1, end - at - 1));
+      cut += '\'';
+      at = end + 1;
+      continue;
+    }
+    if (kBeforeWord.find(message[at]) != kBeforeWord.npos) {
+      cut += message[at++];
+      continue;
+    }
+    const size_t end = std::min(message.find_first_of(kBeforeWord, at), message.size());
+    const std::string_view word = message.substr(at, end - at);
+    cut += word.find('/') == word.npos ? Excerpt(word) : std::string(word);
+    at = end;
+  }
+  return cut;
+}
 
 std::string Excerpt(std::string_view text) {
   constexpr size_t kMost = 200;

@@ -5,6 +5,8 @@
 #include <algorithm>
 
 #include "app/cli/excerpts.h"
+#include "app/cli/terminal.h"
+#include "datasets/io/readable.h"
 
 namespace trigpoint {
 namespace {
@@ -20,6 +22,25 @@ TEST(Excerpts, LongTextsOfTheCommandLineAreCut) {
   EXPECT_EQ(WithExcerpts("option 'x' is '" + text + "'", {"--set", "x=" + text}), "option 'x' is '" + cut + "'");
   EXPECT_EQ(WithExcerpts("'" + text + "' is no id", {"--ids", "1," + text}), "'" + cut + "' is no id");
   EXPECT_EQ(WithExcerpts("as it is: a, b", {"a", ""}), "as it is: a, b");
+}
+
+// Errors and warnings alike, whatever of the user's files they name.
+TEST(Excerpts, LongTextsOfFilesAreCut) {
+  const std::string text(5000, 'a'), cut = std::string(200, 'a') + "... (5000 bytes)", path = "/x/" + text;
+  EXPECT_EQ(WithExcerpts("a.csv:2: expected control, found '" + text + "'; skipped"),
+            "a.csv:2: expected control, found '" + cut + "'; skipped");
+  EXPECT_EQ(WithExcerpts("('" + text + " " + text + "')"), "('" + Excerpt(text + " " + text) + "')");
+  const std::string spaced = "it's a " + text + " and so on";
+  EXPECT_EQ(WithExcerpts("(nearest: '" + spaced + "')"), "(nearest: '" + Excerpt(spaced) + "')");
+  EXPECT_EQ(WithExcerpts("point " + text + " is seen in " + path), "point " + cut + " is seen in " + path);
+  for (const char* same : {"", "'", " ", "it's 'so", "a 'b' 'c'd' e", "ends with '"})
+    EXPECT_EQ(WithExcerpts(same), same);
+  testing::internal::CaptureStderr();
+  const auto messages = std::make_shared<Messages>();
+  Terminal terminal(LogLevel::kWarning, false, messages, false);
+  terminal.Log(LogLevel::kWarning, "station '" + text + "'");
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("warning: station '" + cut + "'"));
+  EXPECT_EQ(messages->said().front().second, "station '" + cut + "'");
 }
 
 TEST(Ending, PutsItsLinesInOrder) {
