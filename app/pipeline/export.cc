@@ -82,9 +82,9 @@ void RequireAsWritten(const Project& project, const std::string& stage, const St
   const std::string again = "; run the stage again: trigpoint " + stage + " " + ShellWord(project.dir().string()) +
                             (target.run.empty() ? "" : " --run " + target.run) +
                             (target.variant.empty() ? "" : " --variant " + target.variant);
-  if (HasDamagedManifest(project, stage, name)) {
-    throw InputError((dir / "manifest.json").string() + ": expected what the stage wrote, found a damaged file" +
-                     again);
+  if (const std::string damage = ManifestDamage(project, stage, name); !damage.empty()) {
+    throw InputError((dir / "manifest.json").string() + ": expected what the stage wrote, found a damaged file (" +
+                     damage + ")" + again);
   }
   const std::optional<nlohmann::json> manifest = ReadManifest(project, stage, name);
   const nlohmann::json files = manifest ? manifest->value("files", nlohmann::json::object()) : nlohmann::json();

@@ -257,8 +257,9 @@ std::vector<JobState> StatesOf(const Project& project, const std::vector<Job>& j
     state.needed = state.reason.empty();
     const std::string name = ResultName(*job.stage, job.target);
     if (const auto manifest = ReadManifest(project, job.stage->name, name)) state.manifest = *manifest;
-    if (state.needed && HasDamagedManifest(project, job.stage->name, name)) {
-      state.reason = "its manifest.json is not what was written; `trigpoint run` computes the result again";
+    if (const std::string damage = ManifestDamage(project, job.stage->name, name); state.needed && !damage.empty()) {
+      state.reason =
+          "its manifest.json is not what was written: " + damage + "; `trigpoint run` computes the result again";
     }
     if (state.needed && project.site().broken_runs.count(job.target.run) > 0) {
       state.state = StageState::kFailed;

@@ -52,7 +52,8 @@ std::string WhyNotCurrent(const Project& project, const RestedOn& result) {
   // A calibration has no options but those of its command.
   if (stage.name == "calibrate") target.overrides[stage.name] = result.manifest.value("options", json::object());
   try {
-    if (HasDamagedManifest(project, stage.name, result.name)) return "its manifest.json is damaged";
+    const std::string damage = ManifestDamage(project, stage.name, result.name);
+    if (!damage.empty()) return "its manifest.json is damaged: " + damage;
     StageRequest request = MakeRequest(project, stage, target);
     if (!target.variant.empty() && !project.variants().contains(target.variant))
       request.options = result.manifest.value("options", request.options);

@@ -17,7 +17,8 @@ class RefusedInput : public InputError {
   std::string what_is_refused;
 };
 
-// Is there a manifest that is not what was written?
-bool HasDamagedManifest(const Project& project, const std::string& stage, const std::string& name);
+// Why the manifest that is there is not what was written, e.g. "it has no SHA-256 of itself"; empty if it is, or if
+// there is none.
+std::string ManifestDamage(const Project& project, const std::string& stage, const std::string& name);
 
 }  // namespace trigpoint

@@ -15,6 +15,7 @@
 
 #include "calib/base/memory.h"
 #include "calib/base/parallel.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/project/forked.h"
@@ -30,7 +31,8 @@ using nlohmann::json;
 
 namespace {
 
-constexpr int kManifestSchema = 1;
+// Of schema 1, older versions wrote manifests without a hash of themselves.
+constexpr int kManifestSchema = 2, kSchemaWithoutHash = 1;
 constexpr const char* kManifest = "manifest.json";
 constexpr const char* kLog = "log.txt";
 constexpr const char* kOwnHash = "sha256";
@@ -66,35 +68,51 @@ void WriteManifest(const fs::path& dir, json manifest) {
   WriteFileAtomically(dir / kManifest, DumpJson(manifest, 2) + "\n");
 }
 
-// Are the members that are read here of their types? One written by hand has no hash.
-bool IsManifest(const json& m) {
-  if (!m.is_object() || !m.contains("schema") || m["schema"] != kManifestSchema) return false;
+// Has it a list of the result's files, each in its folder and with its hash?
+bool HasFileHashes(const json& m) {
+  const auto files = m.find("files");
+  if (files == m.end() || !files->is_object()) return false;
+  for (const auto& [file, hash] : files->items()) {
+    const fs::path normal = fs::path(file).lexically_normal();
+    if (normal.empty() || normal.is_absolute() || *normal.begin() == "..") return false;
+    if (!hash.is_string() || hash.get_ref<const std::string&>().size() != Sha256("").size()) return false;
+  }
+  return true;
+}
+
+// Empty if it is as a stage writes it: its members of their types, with the hashes of its files and of itself.
+std::string DamageOf(const json& m) {
+  if (!m.is_object()) return "it is no JSON object";
+  const json schema = m.value("schema", json());
+  const bool old = schema == kSchemaWithoutHash;
+  if (!old && schema != kManifestSchema)
+    return fmt::format("its schema is {}, not {}", Excerpt(schema.dump()), kManifestSchema);
   const std::pair<const char*, json::value_t> members[] = {
       {"stage", json::value_t::string},   {"identity", json::value_t::string}, {"status", json::value_t::string},
       {"files", json::value_t::object},   {"metrics", json::value_t::object},  {"inputs", json::value_t::object},
       {"warnings", json::value_t::array}, {"end", json::value_t::string}};
   for (const auto& [name, type] : members) {
-    if (m.contains(name) && m[name].type() != type) return false;
+    if (m.contains(name) && m[name].type() != type) return fmt::format("its '{}' is of another type", name);
   }
-  if (m.contains("version") && !m["version"].is_number_integer()) return false;
+  if (m.contains("version") && !m["version"].is_number_integer()) return "its 'version' is of another type";
+  if (!old && !HasFileHashes(m)) return "it does not list the result's files, each with its SHA-256";
   const auto own = m.find(kOwnHash);
-  if (own == m.end()) return true;
+  if (own == m.end()) return old ? "" : "it has no SHA-256 of itself";
   json rest = m;
   rest.erase(kOwnHash);
-  return *own == Sha256(DumpJson(rest));
+  return *own == Sha256(DumpJson(rest)) ? "" : "it does not have the SHA-256 that it states";
 }
 
 // A manifest that is not there or damaged counts as none: its result is made again.
-std::optional<json> ReadManifestIn(const fs::path& dir, bool* damaged = nullptr) {
+std::optional<json> ReadManifestIn(const fs::path& dir, std::string* damage = nullptr) {
   std::error_code ignored;
   if (!fs::is_regular_file(dir / kManifest, ignored)) return std::nullopt;
   json manifest = json::parse(ReadTextFile(dir / kManifest), nullptr, false);
-  if (IsManifest(manifest)) {
-    manifest.erase(kOwnHash);
-    return manifest;
-  }
-  if (damaged != nullptr) *damaged = true;
-  return std::nullopt;
+  const std::string found = DamageOf(manifest);
+  if (damage != nullptr) *damage = found;
+  if (!found.empty()) return std::nullopt;
+  manifest.erase(kOwnHash);
+  return manifest;
 }
 
 // All regular files below a folder, in order, without half-made ones.
@@ -230,9 +248,10 @@ class StageLog final : public ProgressSink {
   void Advance(int64_t steps) override { outer_.Advance(steps); }
   void Log(LogLevel level, std::string_view text) override {
     static constexpr const char* kNames[] = {"debug", "info", "warning", "error"};
-    Write(kNames[static_cast<size_t>(level)], text);
-    if (level == LogLevel::kWarning && !Count(std::string(text))) return;
-    outer_.Log(level, text);
+    const std::string shown = level >= LogLevel::kWarning ? WithExcerpts(text) : std::string(text);
+    Write(kNames[static_cast<size_t>(level)], shown);
+    if (level == LogLevel::kWarning && !Count(shown)) return;
+    outer_.Log(level, shown);
   }
   void Write(std::string_view kind, std::string_view text) {
     const std::lock_guard guard(mutex_);
@@ -348,7 +367,7 @@ class Attempt {
         throw;
       } catch (const Error& e) {
         finish("failed");
-        manifest_["error"] = e.what();
+        manifest_["error"] = WithExcerpts(e.what());
         if (const auto* refused = dynamic_cast<const RefusedInput*>(&e))
           manifest_["refused"] = refused->what_is_refused;
         manifest_["metrics"] = json::object();
@@ -423,13 +442,13 @@ StageOutcome RunLocked(const Project& project, const StageRequest& request, int 
   project.hashes().Save();
   const std::string identity = Identity(request, seed, inputs);
   RequireResultFolder(outcome.dir);
-  bool damaged = false;
-  const auto old = ReadManifestIn(outcome.dir, &damaged);
-  if (damaged) {
+  std::string damage;
+  const auto old = ReadManifestIn(outcome.dir, &damage);
+  if (!damage.empty()) {
     progress.Log(LogLevel::kWarning,
-                 fmt::format("{}: expected a manifest as it was written, found a damaged one; {} is "
+                 fmt::format("{}: expected a manifest as it was written, found a damaged one ({}); {} is "
                              "computed again",
-                             (outcome.dir / kManifest).string(), title));
+                             (outcome.dir / kManifest).string(), damage, title));
   }
   if (IsOf(old, identity)) {
     std::vector<std::string> changed;
@@ -519,10 +538,10 @@ StageState StateOf(const Project& project, const StageRequest& request, uint64_t
   return manifest ? StageState::kOutOfDate : StageState::kMissing;
 }
 
-bool HasDamagedManifest(const Project& project, const std::string& stage, const std::string& name) {
-  bool damaged = false;
-  ReadManifestIn(project.ResultDir(stage, name), &damaged);
-  return damaged;
+std::string ManifestDamage(const Project& project, const std::string& stage, const std::string& name) {
+  std::string damage;
+  ReadManifestIn(project.ResultDir(stage, name), &damage);
+  return damage;
 }
 
 std::optional<json> ReadManifest(const Project& project, const std::string& stage, const std::string& name) {

@@ -95,7 +95,7 @@ TEST_F(StageTest, ComputesOnceAndSaysEverythingInTheManifest) {
   EXPECT_TRUE(first.computed);
   EXPECT_EQ(State(), StageState::kDone);
   const nlohmann::json& m = first.manifest;
-  EXPECT_EQ(m["schema"], 1);
+  EXPECT_EQ(m["schema"], 2);
   EXPECT_EQ(m["stage"], "toy");
   EXPECT_EQ(m["name"], "run1");
   EXPECT_EQ(m["options"]["size"], 1);
@@ -306,7 +306,7 @@ TEST_F(StageTest, FilesOfTheUserInAResultAreKept) {
 TEST_F(StageTest, ADamagedManifestIsNoticedAndSaid) {
   Run();
   const std::string whole = folder_.Read("results/toy/run1/manifest.json");
-  EXPECT_FALSE(HasDamagedManifest(project_, "toy", "run1"));
+  EXPECT_EQ(ManifestDamage(project_, "toy", "run1"), "");
   const std::vector<std::pair<std::string, std::string>> damages = {{"\"stage\": \"toy\"", "\"stage\": 7"},
                                                                     {"\"answers\": 42", "\"answers\": 43"},
                                                                     {"a bit odd", "a bit old"},
@@ -315,7 +315,7 @@ TEST_F(StageTest, ADamagedManifestIsNoticedAndSaid) {
     std::string damaged = whole;
     ASSERT_NE(damaged.find(from), std::string::npos) << from;
     folder_.Write("results/toy/run1/manifest.json", damaged.replace(damaged.find(from), from.size(), to));
-    EXPECT_TRUE(HasDamagedManifest(project_, "toy", "run1")) << to;
+    EXPECT_NE(ManifestDamage(project_, "toy", "run1"), "") << to;
     EXPECT_EQ(State(), StageState::kMissing) << to;
     struct Listener final : ProgressSink {
       void Log(LogLevel level, std::string_view line) override {
@@ -326,6 +326,36 @@ TEST_F(StageTest, ADamagedManifestIsNoticedAndSaid) {
     EXPECT_TRUE(RunStage(project_, request_, 1, 1, listener, cancel_).computed);
     EXPECT_THAT(listener.text, HasSubstr("manifest.json: expected a manifest as it was written, found a damaged one"));
   }
+}
+
+// Of itself and of each file. Older versions, whose schema is 1, had none of itself.
+TEST_F(StageTest, AManifestWithoutHashesIsDamaged) {
+  const std::string file = "results/toy/run1/manifest.json";
+  using nlohmann::json;
+  const std::vector<std::pair<std::function<void(json*)>, std::string>> changes = {
+      {[](json* m) { m->erase("sha256"); }, "it has no SHA-256 of itself"},
+      {[](json* m) { m->erase("files"); }, "it does not list the result's files, each with its SHA-256"},
+      {[](json* m) { (*m)["files"]["result.txt"] = nullptr; }, "it does not list the result's files"},
+      {[](json* m) { (*m)["files"]["../x"] = (*m)["files"]["result.txt"]; }, "it does not list the result's files"},
+      {[](json* m) { (*m)["schema"] = 3; }, "its schema is 3, not 2"}};
+  for (const auto& [change, why] : changes) {
+    Run();
+    json manifest = json::parse(folder_.Read(file));
+    change(&manifest);
+    if (manifest.contains("sha256")) {
+      manifest.erase("sha256");
+      manifest["sha256"] = Sha256(DumpJson(manifest));
+    }
+    folder_.Write(file, manifest.dump());
+    EXPECT_THAT(ManifestDamage(project_, "toy", "run1"), HasSubstr(why));
+    EXPECT_EQ(State(), StageState::kMissing) << why;
+    EXPECT_TRUE(Run().computed) << why;
+  }
+  json old = json::parse(folder_.Read(file));
+  old.erase("sha256");
+  old["schema"] = 1;
+  folder_.Write(file, old.dump());
+  EXPECT_EQ(State(), StageState::kDone);
 }
 
 TEST_F(StageTest, ARepeatedWarningIsSaidOnceWithItsCount) {

@@ -564,7 +564,7 @@ class Scenes(unittest.TestCase):
         with open(f"{result}/manifest.json", encoding="utf-8") as text:
             manifest = json.load(text)
         del manifest["files"]["solution.db"], manifest["sha256"]
-        manifest["version"], manifest["identity"] = 13, "0" * 64
+        manifest["schema"], manifest["version"], manifest["identity"] = 1, 13, "0" * 64
         write(f"{result}/manifest.json", json.dumps(manifest))
         os.remove(f"{result}/solution.db")
         missing = "run run2: results/localize/run2 was made by an earlier version and has no solution.db"
