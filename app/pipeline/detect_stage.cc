@@ -129,6 +129,7 @@ std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions&
   if (count == 0) {
     throw InputError(run.dir.string() + ": found no images; expected images.txt with its pictures, or a video");
   }
+  CheckMasks(run, context.threads, context.progress, context.cancel);
   DetectTagsResult result = DetectInRun(run, options, context);
   context.metrics["masked"] = LeaveOutMasked(run, &result.images);
   context.metrics["repeated"] = LeaveOutRepeated(run, &result.images);

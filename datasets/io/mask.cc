@@ -6,8 +6,11 @@
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
+#include "calib/base/parallel.h"
 #include "datasets/io/image.h"
 #include "datasets/io/picture_parts.h"
 
@@ -134,6 +137,57 @@ cv::Mat RunMasks::ForFeatures(const ImageEntry& image) const {
                          {camera.camera.width(), camera.camera.height()}),
             &mask);
   return mask;
+}
+
+namespace {
+
+// The file to look at where nothing of an image is left: its own mask, or the image.
+fs::path FileThatMasks(const Run& run, const ImageEntry& image) {
+  for (const fs::path& folder : run.cameras[static_cast<size_t>(image.camera)].mask.folders) {
+    if (fs::path file = MaskInFolder(folder, PictureOf(run, image)); !file.empty()) return file;
+  }
+  return image.path;
+}
+
+}  // namespace
+
+void CheckMasks(const Run& run, int threads, ProgressSink& progress, const CancelToken& cancel) {
+  const RunMasks masks(run);
+  const size_t count = run.images.size();
+  std::vector<std::string> problems(count);
+  std::vector<char> ignored(count, 0);
+  ParallelFor(static_cast<int64_t>(count), threads, cancel, [&](int64_t i) {
+    const auto k = static_cast<size_t>(i);
+    try {
+      const cv::Mat mask = masks.Of(run.images[k]);
+      ignored[k] = !mask.empty() && cv::countNonZero(mask) == 0;
+    } catch (const InputError& e) {
+      problems[k] = e.what();
+    }
+  });
+  // Views of one picture have one mask. Of a picture that some view of it is left of, nothing is said.
+  std::set<std::string> wrong, pictures, left;
+  for (const std::string& problem : problems) {
+    if (!problem.empty()) wrong.insert(problem);
+  }
+  if (!wrong.empty()) {
+    const std::string& first =
+        *std::find_if(problems.begin(), problems.end(), [](const auto& p) { return !p.empty(); });
+    throw InputError(first + (wrong.size() > 1 ? "; and " + std::to_string(wrong.size() - 1) + " more" : ""));
+  }
+  for (size_t k = 0; k < count; ++k) {
+    const std::string picture = PictureOf(run, run.images[k]);
+    pictures.insert(picture);
+    if (ignored[k] == 0) left.insert(picture);
+  }
+  if (left.size() == pictures.size()) return;
+  const auto first = std::find_if(run.images.begin(), run.images.end(),
+                                  [&](const ImageEntry& image) { return left.count(PictureOf(run, image)) == 0; });
+  progress.Log(LogLevel::kWarning, FileThatMasks(run, *first).string() +
+                                       ": expected a mask that leaves a part of the picture, found one that ignores "
+                                       "all of it (so of " +
+                                       std::to_string(pictures.size() - left.size()) + " of " +
+                                       Counted(pictures.size(), "picture") + "); 255 = takes part, 0 = ignored");
 }
 
 cv::Mat SetPhotoMask(const fs::path& photo, const cv::Size& size) {

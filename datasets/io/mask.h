@@ -5,6 +5,7 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
+#include "calib/base/progress.h"
 #include "datasets/io/site.h"
 
 namespace trigpoint {
@@ -26,6 +27,11 @@ class RunMasks {
   const Run& run_;
   std::vector<cv::Mat> of_camera_;  // as stored
 };
+
+// Looks at the masks of all of a run's images before a stage uses them. Throws InputError naming the first that does
+// not fit its picture or cannot be read, and how many more; warns of pictures of which the masks leave nothing, in one
+// line.
+void CheckMasks(const Run& run, int threads, ProgressSink& progress, const CancelToken& cancel);
 
 // Of a file of a reference, as LoadPanorama and LoadPhoto give it: the mask its table names, a set's masks/, and its
 // transparent part. Throws InputError where a mask has not the size of the picture, `size`.

@@ -123,6 +123,7 @@ ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& option
                                     const std::filesystem::path& out, int threads, ProgressSink& progress,
                                     const CancelToken& cancel) {
   cv::setNumThreads(1);  // whole pictures in parallel use the cores better than parts of one
+  CheckMasks(run, threads, progress, cancel);
   ExtractionReport report;
   KeptFeatures kept(before, out);
   ColmapDatabase database = ColmapDatabase::Create(out / kDatabase);

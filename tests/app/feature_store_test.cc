@@ -122,5 +122,21 @@ TEST(FeaturesBefore, AreNotKeptUnderOtherConditions) {
   EXPECT_EQ(site.Extract("e", "d").kept, 4);
 }
 
+// One mask of the folder that does not fit refuses the run, as `detect` does.
+TEST(Features, AreNotTakenWithAMaskOfAnotherSize) {
+  FourPictures site;
+  const std::filesystem::path masks = site.run.images[1].path.parent_path() / "masks";
+  std::filesystem::create_directories(masks);
+  const std::string name = std::filesystem::path(site.run.images[1].file).replace_extension(".png").string();
+  cv::imwrite((masks / name).string(), cv::Mat(10, 10, CV_8U, cv::Scalar(255)));
+  site.run.cameras[0].mask.folders = {masks};
+  try {
+    site.Extract("a", "");
+    ADD_FAILURE() << "expected an error";
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("expected a mask of"), std::string::npos) << e.what();
+  }
+}
+
 }  // namespace
 }  // namespace trigpoint

@@ -109,6 +109,39 @@ TEST(RunMasks, TakesPicturesFoldersBoxesAndTransparencyTogether) {
   EXPECT_THROW(RunMasks(run).Of(Entry(dir / "b.png")), InputError);
 }
 
+TEST(RunMasks, AreCheckedBeforeTheyAreUsed) {
+  const TempDir dir;
+  trigpoint::Run run = RunWithCamera(64, 48);
+  std::filesystem::create_directory(dir / "masks");
+  run.cameras[0].mask.folders = {dir / "masks"};
+  const auto mask = [&](const std::string& name, int width, int value) {
+    ASSERT_TRUE(cv::imwrite((dir / "masks" / name).string(), cv::Mat(48, width, CV_8U, cv::Scalar(value))));
+  };
+  for (const char* name : {"a.png", "b.png", "c.png", "d.png"}) {
+    ASSERT_TRUE(cv::imwrite((dir / name).string(), Ramp(64, 48)));
+    run.images.push_back(Entry(dir / name));
+    run.images.back().file = name;
+    mask(name, 64, 255);
+  }
+  struct Listener final : ProgressSink {
+    void Log(LogLevel, std::string_view line) override { lines.emplace_back(line); }
+    std::vector<std::string> lines;
+  } listener;
+  CheckMasks(run, 2, listener, CancelToken());
+  EXPECT_TRUE(listener.lines.empty());
+  mask("b.png", 64, 0);
+  mask("c.png", 64, 0);
+  CheckMasks(run, 2, listener, CancelToken());
+  ASSERT_EQ(listener.lines.size(), 1u);
+  EXPECT_THAT(listener.lines[0],
+              AllOf(HasSubstr("masks/b.png: expected a mask that leaves"), HasSubstr("(so of 2 of 4 pictures)")));
+  mask("c.png", 10, 255);
+  mask("d.png", 11, 255);
+  EXPECT_THAT(MessageOf<InputError>([&] { CheckMasks(run, 2, listener, CancelToken()); }),
+              AllOf(HasSubstr("masks/c.png: expected a mask of 64 x 48 px as the picture it belongs to, found 10 x 48"),
+                    HasSubstr("and 1 more")));
+}
+
 TEST(LoadGrey, ReadsEveryKind) {
   const TempDir dir;
   const cv::Mat grey = Ramp(64, 48);
