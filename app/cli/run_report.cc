@@ -12,8 +12,10 @@
 #include "app/pipeline/gates_stage.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/photo_sets.h"
+#include "datasets/io/readable.h"
 #include "datasets/io/site_inputs.h"
 #include "datasets/io/survey_tables.h"
+#include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
 namespace trigpoint {
@@ -33,6 +35,70 @@ std::string UnusedDistances(const Project& project, const fs::path& survey) {
                            "{}: expected a distance between two tags of the map, found none in {}; nothing of "
                            "this file is used",
                            file.string(), Counted(static_cast<int64_t>(rows), "row", "rows"));
+  } catch (const InputError&) {
+    return "";  // the reader of tables names it
+  }
+}
+
+// Names of surveyed points that are no tags.
+std::vector<std::string> NamedPoints(const Project& project) {
+  std::vector<std::string> names, ignored;
+  const auto add = [&](const std::vector<ControlPoint>& points) {
+    for (const ControlPoint& point : points) {
+      if (!point.point.empty()) names.push_back(point.point);
+    }
+  };
+  add(project.site().control_points);
+  const fs::path json = project.dir() / "ground_control_points.json", list = project.dir() / "gcp_list.txt";
+  if (fs::exists(json)) add(ReadOpenSfmJson(json, &ignored).points);
+  if (fs::exists(list)) add(ReadOpenSfmList(list, &ignored).points);
+  return names;
+}
+
+// Pictures that a mark can be in: below the project, and as in images.txt.
+std::vector<std::string> MarkablePictures(const Project& project) {
+  std::vector<std::string> pictures;
+  for (const Run& run : project.site().runs) {
+    for (const ImageEntry& image : run.images) {
+      pictures.push_back(RelativeTo(project.dir(), image.path));
+      pictures.push_back(image.file);
+    }
+  }
+  for (const fs::path& set : PhotoSetFolders(project.dir())) {
+    for (const auto& photo : fs::directory_iterator(set)) pictures.push_back(RelativeTo(project.dir(), photo.path()));
+  }
+  return pictures;
+}
+
+// Why no row of control_observations.csv can be used; "" if one can, or there is none. A project without surveyed
+// points by name may have marks all the same: `mark` predicts from them.
+std::string UnusedMarks(const Project& project) {
+  const fs::path file = project.dir() / "control_observations.csv";
+  std::vector<std::string> ignored;
+  if (!fs::exists(file)) return "";
+  try {
+    const std::vector<PointMark> marks = ReadControlObservations(file, &ignored);
+    const std::vector<std::string> points = NamedPoints(project), pictures = MarkablePictures(project);
+    const auto is_point = [&](const std::string& name) {
+      return points.empty() || std::find(points.begin(), points.end(), name) != points.end();
+    };
+    const auto is_picture = [&](const std::string& name) {
+      return std::any_of(pictures.begin(), pictures.end(),
+                         [&](const std::string& picture) { return picture == name || picture.ends_with("/" + name); });
+    };
+    for (const PointMark& mark : marks) {
+      if (is_point(mark.point) && is_picture(mark.image)) return "";
+    }
+    if (marks.empty()) return "";
+    const bool image = is_point(marks.front().point);
+    const std::string& name = image ? marks.front().image : marks.front().point;
+    const std::string nearest = NearestName(name, image ? pictures : points);
+    return fmt::format(
+        "{}: expected surveyed points in pictures of the project, found none in {}; the first names {} "
+        "'{}'{}, which is {}",
+        file.string(), Counted(static_cast<int64_t>(marks.size()), "row", "rows"), image ? "the image" : "the point",
+        Excerpt(name), nearest.empty() ? "" : " (nearest: '" + Excerpt(nearest) + "')",
+        image ? "in no run and no photo set" : "not in control_points.csv");
   } catch (const InputError&) {
     return "";  // the reader of tables names it
   }
@@ -58,6 +124,9 @@ std::vector<std::string> GivenForNothing(const Project& project, const std::vect
     if (size.empty()) size = result.outcome.manifest["metrics"].value("size", "");
   }
   if (reads_tables) {
+    if (const std::string why = UnusedMarks(project); !why.empty()) {
+      problems.push_back(why + "; nothing of this file is used");
+    }
     for (const std::string& why : UnusedTables(project.dir(), project.RunNames()))
       problems.push_back(why + "; nothing of this file is used");
   }

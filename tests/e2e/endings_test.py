@@ -162,6 +162,26 @@ class Endings(unittest.TestCase):
             if code == 1:
                 self.assertIn("distances.csv: expected a distance between two tags of the map, found none in 1 row", done.stdout + done.stderr)
 
+    def test_marks_that_fit_nothing_end_with_one(self):
+        site = os.path.join(self.dir, "marks")
+        shutil.copytree(self.site, site)
+        image = self.words(["IMAGE"])[0]
+        with open(os.path.join(site, "control_points.csv"), encoding="utf-8") as file:
+            rows = [line for line in file if not line.startswith("#")]
+        with open(os.path.join(site, "control_points.csv"), "w", encoding="utf-8") as file:
+            file.write("point," + rows[0] + "".join("," + row for row in rows[1:]))
+            file.write("P1,," + ",".join(rows[-1].split(",")[1:]))
+        table = os.path.join(site, "control_observations.csv")
+        for rows, expected in (([("P1", "runs/x/images/9.jpg")], "found none in 1 row; the first names the image 'runs/x/images/9.jpg'"),
+                               ([("P", image), ("P1", "9.jpg")], "found none in 2 rows; the first names the point 'P' (nearest: 'P1'), which is not in control_points.csv"),
+                               ([("P", image), ("P1", image)], ""), ([], "")):
+            with open(table, "w", encoding="utf-8") as file:
+                file.write("point,image,u,v\n" + "".join(f"{point},{name},10,10\n" for point, name in rows))
+            for command in ("survey", "localize"):
+                done = trigpoint(command, site)
+                self.assertEqual(done.returncode, 1 if expected else 0, done.stdout + done.stderr)
+                self.assertIn(expected, " ".join((done.stdout + done.stderr).split()))
+
     def test_runs_added_by_init_are_shown(self):
         site = os.path.join(self.dir, "more runs")
         shutil.copytree(self.site, site, ignore=shutil.ignore_patterns("results", "releases"))
