@@ -476,8 +476,8 @@ std::vector<SiteFinding> FindInMap(const FieldFacts& facts) {
   if (!facts.map && facts.map_problem.empty() && !HasTags(facts)) {
     findings.push_back({Light::kGreen, "map", "no tags: neither tags.yaml nor a plan nor a picture has one"});
   } else if (!facts.map && facts.map_problem.empty()) {
-    const bool unread = std::any_of(facts.runs.begin(), facts.runs.end(),
-                                    [](const FieldRun& run) { return run.IsMisread(); });
+    const bool unread =
+        std::any_of(facts.runs.begin(), facts.runs.end(), [](const FieldRun& run) { return run.IsMisread(); });
     findings.push_back({Light::kAmber, "map",
                         unread ? "there is no tag map until the odometry is mended"
                                : "there is no tag map yet: no tag with a size is in any picture of a run "
