@@ -1,6 +1,6 @@
 // Input: a letter that says which service, then its answers, divided by a zero byte; the last one is repeated. A server
-// on this machine gives them, so that all between the service's search and the network is under test. The first letter
-// may also stand for a STAC file.
+// on this machine gives them, so that all between the service's search and the network is under test; SERVER in them
+// stands for its address. The first letter may also stand for a STAC file.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -17,6 +17,7 @@ using namespace trigpoint;
 
 // More requests than this of one search are refused: what pages without end do is known, and takes long.
 constexpr int kMostAnswers = 12;
+constexpr std::string_view kOwn = "SERVER";
 
 class Server {
  public:
@@ -38,7 +39,11 @@ class Server {
     answers_.clear();
     for (size_t at = 0; at <= bytes.size();) {
       const size_t end = std::min(bytes.find('\0', at), bytes.size());
-      answers_.push_back(bytes.substr(at, end - at));
+      std::string answer = bytes.substr(at, end - at);
+      for (size_t own = answer.find(kOwn); own != std::string::npos; own = answer.find(kOwn, own + url_.size())) {
+        answer.replace(own, kOwn.size(), url_);
+      }
+      answers_.push_back(std::move(answer));
       at = end + 1;
     }
     given_ = 0;

@@ -76,7 +76,7 @@ def project():
     manifest = {"schema": 2, "stage": "survey", "name": "", "version": 3, "identity": digest, "options": {"loss": "huber"}, "values": {"review": None},
                 "inputs": {"control_points.csv": digest}, "seed": 1, "threads": 2, "metrics": {"tags": 4}, "warnings": ["a"], "files": {"tags.csv": digest},
                 "status": "done", "error": None, "end": "2026-05-12T09:43:20Z"}
-    release = {"schema": 2, "name": "r1", "files": {"map/tags.csv": {"sha256": digest, "bytes": 0}}}
+    release = {"schema": "trigpoint release 2", "name": "r1", "files": {"map/tags.csv": {"sha256": digest, "bytes": 0}}}
     cell = {"type": "Feature", "geometry": {"type": "Point", "coordinates": [7.8, 48, 240]}, "properties": {"kind": "tag", "name": "5", "size_m": 0.3, "heading_deg": 90}}
     path = {"type": "Feature", "geometry": {"type": "LineString", "coordinates": [[7.8, 48], [7.8001, 48]]}, "properties": {"kind": "path", "name": "a"}}
     entry = {"schema": 1, "entry": 1, "time": "2026-05-12T09:43:20Z", "user": "a", "action": "exclude", "object": "tag:5", "reason": "moved"}
@@ -91,7 +91,7 @@ def project():
         "total_station": b"\x04setup,target,direction_deg,zenith_gon,slope_distance_m,target_height_m\nP1,tag:57/2,12.5,99.9,14.2,1.5\nP1,P2,190,,20,\n",
         "release": b"\x05" + json.dumps(release).encode(),
         "hashes": b"\x06" + json.dumps({"schema": 1, "files": {"control_points.csv": [10, 5, digest]}}).encode(),
-        "poses": b"\x07timestamp,image,camera,status,x,y,z,qx,qy,qz,qw,c00\n1,a.jpg,cam0,ok,1,2,3,0,0,0,1,0.1\n",
+        "poses": f"\x07timestamp,image,camera,status,x,y,z,qx,qy,qz,qw,{covariance}\n1,a.jpg,cam0,ok,1,2,3,0,0,0,1,{','.join(['1e-4'] * 36)}\n".encode(),
         "tags": b"\x08# trigpoint tags 1; frame=enu; datum=control; sigma=1\ntag_id,family,size_m,x,y,z,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,role,status\n"
                 b"5,tag36h11,0.3,1,2,3,0,0,0,1,0.01,0.01,0.01,free,ok\n",
         "covariances": f"\x09tag_a,tag_b,{covariance}\n5,5,{','.join(['1e-4'] * 36)}\n".encode(),
@@ -115,9 +115,10 @@ def services():
     google = [{"session": "s", "expiry": "9999999999"}, {"panoIds": ["a"]},
               {"panoId": "a", "lat": 48, "lng": 7, "heading": 90, "tilt": 90, "roll": 0, "date": "2024-05", "copyright": "Google", "imageWidth": 4096,
                "imageHeight": 2048, "tileWidth": 512, "tileHeight": 512, "links": [{"panoId": "b", "heading": 10}]}]
-    page = {"type": "FeatureCollection", "features": [item], "links": [{"rel": "next", "href": "http://127.0.0.1:1/search?page=2"}]}
+    page = {"type": "FeatureCollection", "features": [item], "links": [{"rel": "next", "href": "SERVER/search?page=2"}]}
     return {"panoramax": b"\x00" + json.dumps(page).encode(), "mapillary": b"\x01" + json.dumps({"data": [mapillary]}).encode(),
-            "kartaview": b"\x02" + json.dumps({"status": {"apiCode": 600}, "result": {"data": [kartaview], "hasMoreData": True}}).encode(),
+            "kartaview": b"\x02" + b"\0".join(json.dumps({"status": {"apiCode": 600}, "result": {"data": [kartaview], "hasMoreData": more}}).encode()
+                                         for more in (True, False)),
             "google": b"\x03" + b"\0".join(json.dumps(answer).encode() for answer in google), "stac": b"\x04" + json.dumps(page).encode()}
 
 
