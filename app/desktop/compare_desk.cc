@@ -73,7 +73,7 @@ QString CommonFolder(const std::vector<ReviewedError>& rows) {
 }
 
 // Sentences in lines of this many characters at most; rows of tables stay.
-constexpr size_t kLine = 88;
+constexpr size_t kLine = 80;
 
 std::string InLines(const std::string& text) {
   std::string lines;

@@ -19,6 +19,7 @@ inline QTableWidget* MakeTable(const char* name, const QString& accessible, cons
   table->setEditTriggers(QAbstractItemView::NoEditTriggers);
   table->setSelectionBehavior(QAbstractItemView::SelectRows);
   table->horizontalHeader()->setStretchLastSection(true);
+  table->resizeColumnsToContents();  // headers are read before there is a row
   table->verticalHeader()->hide();
   return table;
 }
@@ -55,7 +56,7 @@ inline void ShowSelectedRows(QTableWidget* table, const Workspace& workspace) {
   }
   if (best < 0) return;
   table->selectRow(best);
-  table->scrollToItem(table->item(best, 0));
+  table->scrollToItem(table->item(best, table->horizontalHeader()->logicalIndex(0)));  // the leftmost
 }
 
 inline void LinkTable(QTableWidget* table, Workspace* workspace) {

@@ -13,6 +13,7 @@
 #include <QListWidget>
 #include <QMimeData>
 #include <QPlainTextEdit>
+#include <QScrollBar>
 #include <QSettings>
 #include <QSignalSpy>
 #include <QSlider>
@@ -294,6 +295,8 @@ TEST_F(DesksTest, VariantsAreComparedStationByStation) {
     EXPECT_GE(errors->columnViewportPosition(c), 0) << c;
     EXPECT_LE(errors->columnViewportPosition(c) + errors->columnWidth(c), errors->viewport()->width()) << c;
   }
+  window_->workspace()->Select("station:S2");  // its row is looked for, its columns stay
+  EXPECT_EQ(errors->horizontalScrollBar()->value(), 0);
   EXPECT_EQ(errors->item(row, 4)->text(), "p001.jpg");
   EXPECT_EQ(errors->item(row, 4)->toolTip(), "panoramas/p001.jpg");
   window_->resize(1280, 800);
