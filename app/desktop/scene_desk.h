@@ -83,7 +83,7 @@ class SceneDesk : public QWidget {
   // From a side of the scene, as a click on the cube does; `from`: towards the viewer.
   void LookFrom(const Eigen::Vector3d& from);
   size_t PointsShown() const;
-  size_t PointsDrawn() const;  // fewer of many while the view moves
+  size_t PointsDrawn() const;    // fewer of many while the view moves
   bool shades_by_depth() const;  // eye-dome lighting is on, as far as the view rests
 
  signals:

@@ -125,6 +125,7 @@ void SceneView::Parts::BuildPoints() {
   bar->SetWidth(0.055);
   bar->SetHeight(0.36);
   bar->UnconstrainedFontSizeOn();
+  bar->SetVerticalTitleSeparation(static_cast<int>(0.4 * style.text_px));
   bar->SetLabelFormat("%.3g");
   bar->DrawBackgroundOn();
   bar->GetBackgroundProperty()->SetColor(1, 1, 1);
