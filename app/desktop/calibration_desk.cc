@@ -6,6 +6,7 @@
 #include <QLabel>
 #include <QPainter>
 #include <QPushButton>
+#include <QScrollArea>
 #include <QSplitter>
 #include <QTableWidget>
 #include <QVBoxLayout>
@@ -66,7 +67,13 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   next_->setObjectName("calibration.next");
   next_->setWordWrap(true);
   next_->setAlignment(Qt::AlignTop);
-  next_->setMinimumWidth(30 * fontMetrics().averageCharWidth());
+  next_->setMargin(4);
+  advice_ = new QScrollArea;  // a low window has no room for all of it
+  advice_->setWidget(next_);
+  advice_->setWidgetResizable(true);
+  advice_->setFrameShape(QFrame::NoFrame);
+  advice_->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
+  advice_->setMinimumWidth(30 * fontMetrics().averageCharWidth());
   text_->setWordWrap(true);
   residuals_ = new PictureView;
   residuals_->setAccessibleName(tr("Residuals over the image"));
@@ -85,6 +92,8 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
                  tr("1 sigma (standard deviation) of the value, in the parameter's unit")});
   parameters_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   parameters_->verticalHeader()->setDefaultSectionSize(parameters_->fontMetrics().height() + 6);
+  parameters_->verticalHeader()->hide();
+  parameters_->resizeColumnsToContents();
   auto* calibrate = new QPushButton(tr("Calibra&te ..."));
   calibrate->setObjectName("calibration.calibrate");
   connect(calibrate, &QPushButton::clicked, this, &CalibrationDesk::CalibrateRequested);
@@ -99,7 +108,7 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   auto* lower = new QSplitter;
   lower->addWidget(parameters_);
   lower->addWidget(map_);
-  lower->addWidget(next_);
+  lower->addWidget(advice_);
   auto* split = new QSplitter(Qt::Vertical);
   split->addWidget(upper);
   split->addWidget(lower);
@@ -167,6 +176,7 @@ void CalibrationDesk::Load() {
 void CalibrationDesk::ShowCamera() {
   parameters_->setRowCount(0);
   next_->clear();
+  advice_->setVisible(view_ != nullptr);
   const auto index = static_cast<size_t>(std::max(0, camera_->currentIndex()));
   if (!view_ || index >= view_->cameras.size()) {
     coverage_->SetPicture({}, tr("Which parts of the image have points is drawn here."));
@@ -197,6 +207,7 @@ void CalibrationDesk::ShowCamera() {
     parameters_->setItem(row, 1, new QTableWidgetItem(QString::number(p.value, 'f', 5)));
     parameters_->setItem(row, 2, new QTableWidgetItem(QString::number(p.sigma, 'g', 3)));
   }
+  parameters_->resizeColumnsToContents();
   QStringList next;
   for (const std::string& sentence : camera.next) next << "- " + QString::fromStdString(sentence);
   next_->setText(tr("What to photograph next") + "\n" +

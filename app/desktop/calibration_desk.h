@@ -8,6 +8,7 @@
 
 class QComboBox;
 class QLabel;
+class QScrollArea;
 class QTableWidget;
 
 namespace trigpoint {
@@ -33,6 +34,7 @@ class CalibrationDesk : public QWidget {
   Workspace* workspace_;
   QComboBox *name_, *camera_;
   QLabel *text_, *next_;
+  QScrollArea* advice_;  // holds next_
   PictureView *residuals_, *coverage_, *map_;
   QTableWidget* parameters_;
   std::shared_ptr<const CalibrationSheet> view_;

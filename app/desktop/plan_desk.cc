@@ -597,6 +597,7 @@ void PlanDesk::HeadPrediction(bool proposed) {
   SetHeaderHelp(gains_, {tr("the largest gain comes first"), tr("what is added to the plan"),
                          tr("RMS of the tags' predicted 3D sigmas with it, mm"),
                          tr("by how much it makes that RMS smaller, per cent")});
+  for (QTableWidget* table : {tags_, gains_}) table->resizeColumnsToContents();
 }
 
 void PlanDesk::ShowPrediction() {

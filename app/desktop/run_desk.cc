@@ -22,6 +22,7 @@
 #include <cmath>
 
 #include "app/desktop/calibration_sheet.h"
+#include "app/desktop/fitted_box.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/question.h"
 #include "app/desktop/site_tree.h"
@@ -135,7 +136,7 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
 
 void RunDesk::MakeControls() {
   graph_ = new StageGraph;
-  stage_ = Narrow(Named(new QComboBox, "run.stage", tr("Stage")));
+  stage_ = Narrow(Named(new ElidedBox, "run.stage", tr("Stage")));
   runs_ = Named(new QListWidget, "run.runs", tr("Runs"));
   runs_->setMaximumHeight(5 * fontMetrics().height());
   runs_->setToolTip(tr("Those that are ticked are run; all ticked: also runs that are added later"));
