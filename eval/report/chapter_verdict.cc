@@ -183,7 +183,7 @@ class VerdictChapter {
     if (!test) return;
     const std::string relative = verdict_.RelativeSigmas();
     facts->facts.push_back(
-        {"Stated sigmas", test->Words(),
+        {"Stated sigmas", test->Consistent() && !relative.empty() ? "mixed" : test->Words(),
          fmt::format("sigma: standard deviation. ANEES (mean squared error over variance) {:.2f}, right: "
                      "{:.2f} to {:.2f}",
                      test->anees, test->low, test->high) +
