@@ -1,10 +1,12 @@
 // A hundred actions drawn at random with a fixed seed: nothing crashes, and after each the numbers of the selection are
 // the same on the card, in the table and in the scene, and what is marked in table and scene belongs to the selection.
 // TRIGPOINT_GUI_RESULTS names another project with results (it is copied), TRIGPOINT_GUI_ACTIONS another number of
-// actions.
+// actions, TRIGPOINT_GUI_SEED another seed.
+#include <QAction>
 #include <QCheckBox>
 #include <QComboBox>
 #include <QListWidget>
+#include <QMouseEvent>
 #include <QSignalSpy>
 #include <QSortFilterProxyModel>
 #include <QSpinBox>
@@ -26,6 +28,7 @@
 #include "app/desktop/plan_desk.h"
 #include "app/desktop/site_tree.h"
 #include "app/desktop/station_card.h"
+#include "app/pipeline/marking.h"
 #include "datasets/io/text.h"
 #include "eval/text/method_name.h"
 #include "tests/gui/gui_driver.h"
@@ -91,6 +94,53 @@ class RandomSession : public testing::Test {
     if (!places.empty())
       QTest::mouseClick(view, Qt::LeftButton, {}, places[static_cast<size_t>(Draw(static_cast<int>(places.size())))]);
   }
+  // In the image that is shown: sets a mark, moves or removes one that is there.
+  QPoint AnyPlace() {
+    const QImage& picture = window_->images()->left()->image();
+    return window_->images()
+        ->left()
+        ->WidgetAt({5.0 + Draw(picture.width() - 10), 5.0 + Draw(picture.height() - 10)})
+        .toPoint();
+  }
+  bool ShowPicture() {
+    window_->ShowDesk("images");
+    PictureView* view = window_->images()->left();
+    const bool there = WaitFor([&] { return !view->image().isNull(); }, 5000);
+    view->Fit();
+    return there;
+  }
+  void SetMark() {
+    if (!ShowPicture()) return;
+    Child<QComboBox>(window_.get(), "images.point")->setCurrentText(QString("drawn%1").arg(Draw(3)));
+    Child<QAbstractButton>(window_.get(), "images.mark")->setChecked(true);
+    QTest::mouseClick(window_->images()->left(), Qt::LeftButton, {}, AnyPlace());
+  }
+  void MoveMark() {
+    if (!ShowPicture()) return;
+    PictureView* view = window_->images()->left();
+    for (const PictureMark& mark : view->marks()) {
+      if (!mark.object.startsWith("mark:")) continue;
+      const QPoint from = view->WidgetAt(mark.points[0]).toPoint(), to = AnyPlace();
+      QTest::mousePress(view, Qt::LeftButton, {}, from);
+      for (const QPoint& at : {(from + to) / 2, to}) {
+        QMouseEvent move(QEvent::MouseMove, at, Qt::LeftButton, Qt::LeftButton, {});
+        QApplication::sendEvent(view, &move);
+      }
+      return QTest::mouseRelease(view, Qt::LeftButton, {}, to);
+    }
+  }
+  void RemoveMark() {
+    if (!ShowPicture()) return;
+    for (const PictureMark& mark : window_->images()->left()->marks()) {
+      if (!mark.object.startsWith("mark:")) continue;
+      Child<QComboBox>(window_.get(), "images.point")->setCurrentText(mark.object.mid(5));
+      return Child<QAbstractButton>(window_.get(), "images.remove")->click();
+    }
+  }
+  using PlacedMarks = std::map<std::string, std::pair<double, double>>;  // pixels, by point
+  PlacedMarks MarksDrawn() const;
+  PlacedMarks MarksInFile() const;
+  void CheckMarks();
   void ToggleOne(const char* name) {
     auto* list = Child<QListWidget>(window_.get(), name);
     if (list->count() == 0) return;
@@ -114,9 +164,11 @@ class RandomSession : public testing::Test {
   QTemporaryDir site_;
   std::unique_ptr<MainWindow> window_;
   QTableView* view_ = nullptr;
-  std::mt19937 random_{kSeed};
+  std::mt19937 random_{qEnvironmentVariableIsSet("TRIGPOINT_GUI_SEED")
+                           ? static_cast<unsigned>(qEnvironmentVariableIntValue("TRIGPOINT_GUI_SEED"))
+                           : kSeed};
   std::vector<std::pair<const char*, std::function<void()>>> actions_;
-  int compared_ = 0, in_scene_ = 0;
+  int compared_ = 0, in_scene_ = 0, marks_ = 0;
 };
 
 void RandomSession::MakeActions() {
@@ -208,6 +260,14 @@ void RandomSession::MakeActions() {
       {"exclude", [this] { window_->decisions()->Decide("exclude", AnyStation(), "drawn by lot"); }},
       {"undo", [this] { window_->decisions()->Undo(); }},
       {"redo", [this] { window_->decisions()->Redo(); }},
+      {"mark", [this] { SetMark(); }},
+      {"mark again", [this] { SetMark(); }},
+      {"move mark", [this] { MoveMark(); }},
+      {"remove mark", [this] { RemoveMark(); }},
+      {"undo here", [this] { Child<QAction>(window_.get(), "edit.undo")->trigger(); }},
+      {"redo here", [this] { Child<QAction>(window_.get(), "edit.redo")->trigger(); }},
+      {"undo mark", [this] { window_->images()->Undo(); }},
+      {"redo mark", [this] { window_->images()->Redo(); }},
       {"close problem", [this] { window_->problem()->hide(); }}};
 }
 
@@ -298,6 +358,34 @@ void RandomSession::CheckNumbers() {
   CheckMatrix(object);
 }
 
+RandomSession::PlacedMarks RandomSession::MarksDrawn() const {
+  PlacedMarks marks;
+  for (const PictureMark& mark : window_->images()->left()->marks()) {
+    if (!mark.object.startsWith("mark:")) continue;
+    const bool first =
+        marks.emplace(mark.object.mid(5).toStdString(), std::pair(mark.points[0].x(), mark.points[0].y())).second;
+    EXPECT_TRUE(first) << mark.object.toStdString() << " twice";
+  }
+  return marks;
+}
+
+RandomSession::PlacedMarks RandomSession::MarksInFile() const {
+  PlacedMarks marks;
+  const std::string here = "/" + (window_->images()->run() + "/" + window_->images()->image()).toStdString();
+  for (const PointMark& mark : ReadPointMarks(*window_->workspace()->snapshot()->project)) {
+    if (mark.image.ends_with(here)) marks[mark.point] = {mark.pixel.x(), mark.pixel.y()};
+  }
+  return marks;
+}
+
+// The marks that the image shows are those of the file, once they are written.
+void RandomSession::CheckMarks() {
+  if (window_->desk() != "images") return;
+  EXPECT_TRUE(WaitFor([&] { return MarksDrawn() == MarksInFile(); }))
+      << MarksDrawn().size() << " are drawn, " << MarksInFile().size() << " are in the file";
+  marks_ += static_cast<int>(MarksDrawn().size());
+}
+
 // What the scene draws at an object are the errors of the overview's matrix.
 void RandomSession::CheckMatrix(const QString& object) {
   const std::vector<SceneError> drawn = window_->scene()->ErrorsAt(object);
@@ -320,6 +408,8 @@ TEST_F(RandomSession, AHundredActionsLeaveTheSameNumbersEverywhere) {
   const int actions = qEnvironmentVariableIntValue("TRIGPOINT_GUI_ACTIONS") > 0
                           ? qEnvironmentVariableIntValue("TRIGPOINT_GUI_ACTIONS")
                           : kActions;
+  SetMark();  // some seeds draw none
+  CheckMarks();
   for (int action = 0; action < actions && !HasFailure(); ++action) {
     const auto& [name, act] = actions_[static_cast<size_t>(Draw(static_cast<int>(actions_.size())))];
     SCOPED_TRACE(name);
@@ -332,9 +422,11 @@ TEST_F(RandomSession, AHundredActionsLeaveTheSameNumbersEverywhere) {
     SCOPED_TRACE(QString("action %1, selected: %2").arg(action).arg(window_->workspace()->selected()).toStdString());
     CheckMarked();
     CheckNumbers();
+    CheckMarks();
   }
   EXPECT_GT(compared_, actions / 4);
   EXPECT_GT(in_scene_, actions / 4);
+  EXPECT_GT(marks_, 0);
 }
 
 }  // namespace
