@@ -1774,20 +1774,8 @@
         <translation>Panorama</translation>
     </message>
     <message>
-        <source>A: 3D error (%1)</source>
-        <translation>A: 3D-Fehler (%1)</translation>
-    </message>
-    <message>
-        <source>B: 3D error (%1)</source>
-        <translation>B: 3D-Fehler (%1)</translation>
-    </message>
-    <message>
         <source>B - A (%1)</source>
         <translation>B - A (%1)</translation>
-    </message>
-    <message>
-        <source>status A / B</source>
-        <translation>Status A / B</translation>
     </message>
     <message>
         <source>%1 (has errors only, no results to draw)</source>
@@ -1846,16 +1834,16 @@
         <translation>Ein Projekt öffnen (Strg+O), um seine Varianten, Fahrten und Veröffentlichungen zu vergleichen.</translation>
     </message>
     <message>
-        <source>1 sigma (%1)</source>
-        <translation>1 Sigma (%1)</translation>
-    </message>
-    <message>
         <source>standard deviation of the error in space, the larger one of A and B (%1)</source>
         <translation>Standardabweichung des räumlichen Fehlers, die größere von A und B (%1)</translation>
     </message>
     <message>
         <source>localized, refused, no match or no reference: in A, then in B</source>
         <translation>lokalisiert, abgelehnt, nicht zugeordnet oder ohne Referenz: in A, dann in B</translation>
+    </message>
+    <message>
+        <source>status</source>
+        <translation>Status</translation>
     </message>
 </context>
 <context>
@@ -2263,10 +2251,6 @@
         <translation> vorhergesagt</translation>
     </message>
     <message>
-        <source>The mark was not saved.</source>
-        <translation>Die Marke wurde nicht gespeichert.</translation>
-    </message>
-    <message>
         <source>%1 marks, %2 px; it must show in %3 images</source>
         <translation>%1 Marken, %2 px; er muss in %3 Bildern zu sehen sein</translation>
     </message>
@@ -2321,10 +2305,6 @@
     <message>
         <source>Remove the mark of %1</source>
         <translation>Markierung von %1 entfernen</translation>
-    </message>
-    <message>
-        <source>The mark was not removed.</source>
-        <translation>Die Markierung wurde nicht entfernt.</translation>
     </message>
     <message>
         <source>, %1 px off</source>
@@ -2401,6 +2381,22 @@
     <message>
         <source>Matches with the panorama farther than 3 px from their epipolar lines</source>
         <translation>Zuordnungen zum Panorama, mehr als 3 px von ihren Epipolarlinien</translation>
+    </message>
+    <message>
+        <source>mark %1 in %2</source>
+        <translation>%1 in %2 markieren</translation>
+    </message>
+    <message>
+        <source>remove the mark of %1 in %2</source>
+        <translation>die Markierung von %1 in %2 entfernen</translation>
+    </message>
+    <message>
+        <source>move the mark of %1 in %2</source>
+        <translation>die Markierung von %1 in %2 verschieben</translation>
+    </message>
+    <message>
+        <source>The change of the mark was not saved.</source>
+        <translation>Die Änderung der Markierung wurde nicht gespeichert.</translation>
     </message>
 </context>
 <context>
@@ -2736,6 +2732,14 @@
     <message>
         <source>The sketch of the plan is not saved.</source>
         <translation>Die Skizze der Planung ist nicht gespeichert.</translation>
+    </message>
+    <message>
+        <source>Ctrl+Shift+Z</source>
+        <translation>Ctrl+Shift+Z</translation>
+    </message>
+    <message>
+        <source>Ctrl+Y</source>
+        <translation>Ctrl+Y</translation>
     </message>
 </context>
 <context>
