@@ -163,6 +163,8 @@ int main(int argc, char** argv) {
     for (const char* desk : {"review", "panoramas", "calibration", "plan", "print", "check"}) {
       window.ShowDesk(desk);
       if (auto* photos = window.findChild<QTableWidget*>("panorama.photos"); desk == std::string("panoramas")) {
+        auto* box = window.findChild<QComboBox*>("panorama.set");
+        if (const int set = box->findText("(photo set)", Qt::MatchContains); set >= 0) box->setCurrentIndex(set);
         WaitFor([&] { return photos->rowCount() > 0; }, kMayBeMissing);
       }
       Save(window, out, desk == std::string("plan") ? "survey_plan" : desk);
