@@ -19,7 +19,7 @@ struct Arguments {
 
 int ExitCodeOf(Light light) { return light == Light::kGreen ? 0 : kGateExitCode; }
 
-Ending EndingOf(const CheckOutcome& outcome, const std::filesystem::path& out) {
+Ending EndingOf(const CheckOutcome& outcome, const DisplayUnit& unit, const std::filesystem::path& out) {
   Ending ending("Check: " + CheckHeadline(outcome));
   ending.RestIn("the page");
   if (outcome.facts.prediction) {
@@ -27,14 +27,17 @@ Ending EndingOf(const CheckOutcome& outcome, const std::filesystem::path& out) {
                                         1e3 * outcome.facts.prediction->RmsSigma(), outcome.facts.prediction->datum));
   }
   for (size_t k = 0; k < outcome.advice.size(); ++k) {
-    ending.Fact(k > 0 ? "  then" : outcome.light == Light::kGreen ? "To gain" : "Do next", outcome.advice[k].what.In());
+    ending.Fact(k > 0                            ? "  then"
+                : outcome.light == Light::kGreen ? "To gain"
+                                                 : "Do next",
+                outcome.advice[k].what.In(unit.name, unit.metres));
   }
   size_t shown = 0, wrong = 0;
   for (const SiteFinding& f : outcome.findings) wrong += f.light != Light::kGreen ? 1 : 0;
   for (const SiteFinding& f : outcome.findings) {
     if (f.light == Light::kGreen || shown == kFindingsShown) break;
     ++shown;
-    ending.Problem(Capitalised(LightName(f.light)), f.text.In());
+    ending.Problem(Capitalised(LightName(f.light)), f.text.In(unit.name, unit.metres));
   }
   if (wrong > shown) ending.Problem("And", Counted(wrong - shown, "more finding", "more findings") + ": see the page");
   ending.Look("Page", out / "index.html");
@@ -42,19 +45,21 @@ Ending EndingOf(const CheckOutcome& outcome, const std::filesystem::path& out) {
 }
 
 // What became true, and what is no longer.
-void SayChanges(const CheckOutcome& outcome, std::set<std::string>* said, std::string* advised, Terminal* terminal) {
+void SayChanges(const CheckOutcome& outcome, const DisplayUnit& unit, std::set<std::string>* said, std::string* advised,
+                Terminal* terminal) {
   std::set<std::string> now;
   for (const SiteFinding& f : outcome.findings) {
     if (f.light == Light::kGreen) continue;
-    const std::string line = fmt::format("{}: {}", LightName(f.light), f.text.In());
+    const std::string line = fmt::format("{}: {}", LightName(f.light), f.text.In(unit.name, unit.metres));
     now.insert(line);
     if (!said->contains(line)) terminal->Say("  + " + line);
   }
   for (const std::string& line : *said) {
     if (!now.contains(line)) terminal->Say("  - " + line);
   }
-  if (!outcome.advice.empty() && *advised != outcome.advice.front().what.In()) {
-    *advised = outcome.advice.front().what.In();
+  const std::string next = outcome.advice.empty() ? "" : outcome.advice.front().what.In(unit.name, unit.metres);
+  if (!next.empty() && *advised != next) {
+    *advised = next;
     terminal->Say("  next: " + *advised);
   }
   *said = std::move(now);
@@ -63,6 +68,7 @@ void SayChanges(const CheckOutcome& outcome, std::set<std::string>* said, std::s
 int Check(Session& session, const Arguments& a) {
   Terminal terminal = session.MakeTerminal();
   terminal.SetTitle("check");
+  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
   // Of a video that is still being copied FFmpeg complains at each look; the findings name it once.
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   SiteCheck check(a.dir, session.options.threads, session.options.seed);
@@ -73,16 +79,16 @@ int Check(Session& session, const Arguments& a) {
     terminal.Say(CheckHeadline(outcome));
     std::set<std::string> said;
     std::string advised;
-    SayChanges(outcome, &said, &advised, &terminal);
+    SayChanges(outcome, unit, &said, &advised, &terminal);
     outcome =
         WatchSite(check, std::move(outcome), terminal, *session.cancel, [&](const CheckOutcome& now, size_t looked) {
           terminal.ClearProgress();
           if (looked > 0) terminal.Say(CheckHeadline(now));
-          SayChanges(now, &said, &advised, &terminal);
+          SayChanges(now, unit, &said, &advised, &terminal);
         });
     terminal.ClearProgress();
   }
-  session.End(EndingOf(outcome, check.out()));
+  session.End(EndingOf(outcome, unit, check.out()));
   nlohmann::json json = {
       {"command", "check"},           {"ok", outcome.light == Light::kGreen}, {"light", LightName(outcome.light)},
       {"pictures", outcome.pictures}, {"waiting", outcome.waiting},           {"dir", check.out().string()}};

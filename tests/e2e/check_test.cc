@@ -166,6 +166,16 @@ TEST_F(FieldCheck, AHiddenTagIsNamed) {
 }
 
 // Sheets are printed in stock: where a sketch says what is put up, the others are missed by nobody.
+// Files and JSON stay in metres.
+TEST_F(FieldCheck, LengthsAreInTheUnitAskedFor) {
+  for (const fs::path& image : images_) fs::remove(image);
+  const Finished metres = Trigpoint({"check", site_.string()});
+  const Finished feet = Trigpoint({"check", site_.string(), "--units", "ft"});
+  EXPECT_THAT(metres.out + metres.err, HasSubstr("from 3 to 5 m and from two sides"));
+  EXPECT_THAT(feet.out + feet.err, HasSubstr("from 10 to 16 ft and from two sides"));
+  EXPECT_THAT(ReadTextFile(site_ / "results" / "check" / "next.csv"), HasSubstr("from 3 to 5 m"));
+}
+
 TEST_F(FieldCheck, PrintedSparesAreNotMissing) {
   std::ofstream(site_ / "tags.yaml", std::ios::app) << "sizes_m: {30: 0.16}\n";
   EXPECT_THAT(Findings(Check()), Contains(HasSubstr("tag 30 is planned and in no picture")));
