@@ -113,7 +113,7 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   split->addWidget(upper);
   split->addWidget(lower);
   split->setSizes({350, 350});
-  lower->setSizes({300, 350, 350});
+  lower->setSizes({420, 340, 340});
   auto* all = new QVBoxLayout(this);
   all->addLayout(top);
   all->addWidget(split, 1);
@@ -208,6 +208,8 @@ void CalibrationDesk::ShowCamera() {
     parameters_->setItem(row, 2, new QTableWidgetItem(QString::number(p.sigma, 'g', 3)));
   }
   parameters_->resizeColumnsToContents();
+  parameters_->setMaximumWidth(parameters_->horizontalHeader()->length() + 2 * parameters_->frameWidth() +
+                               style()->pixelMetric(QStyle::PM_ScrollBarExtent));
   QStringList next;
   for (const std::string& sentence : camera.next) next << "- " + QString::fromStdString(sentence);
   next_->setText(tr("What to photograph next") + "\n" +

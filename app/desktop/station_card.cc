@@ -115,12 +115,15 @@ void StationCard::Show() {
   if (!errors) ShowAnswers();
   const bool answers = table_->rowCount() > 0;
   table_->resizeColumnsToContents();
-  int widest = table_->horizontalHeader()->sectionSizeHint(0);  // of the runs: what stands across takes all columns
-  for (int row = 0; row < table_->rowCount(); ++row) {
-    if (table_->columnSpan(row, 0) > 1) continue;
-    widest = std::max(widest, table_->fontMetrics().horizontalAdvance(table_->item(row, 0)->text()) + 12);
+  for (const int column : {0, 1}) {  // a title or a reason stands across: it makes no column wide
+    int widest = table_->horizontalHeader()->sectionSizeHint(column);
+    for (int row = 0; row < table_->rowCount(); ++row) {
+      const QTableWidgetItem* item = table_->item(row, column);
+      if (item == nullptr || table_->columnSpan(row, column) > 1) continue;
+      widest = std::max(widest, table_->fontMetrics().horizontalAdvance(item->text()) + 12);
+    }
+    table_->setColumnWidth(column, widest);
   }
-  table_->setColumnWidth(0, widest);
   table_->setVisible(answers);
   note_->setText(Note(errors, answers));
 }

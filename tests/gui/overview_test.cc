@@ -480,6 +480,8 @@ TEST_F(TwoRunsTest, TheCardListsBothAndTheViewsOnRequest) {
   views->setChecked(false);
   EXPECT_EQ(card->rowCount(), 3);
   window_->workspace()->Select("station:S1");  // no view of it is evaluated
+  EXPECT_THAT(card->item(2, 1)->text().toStdString(), HasSubstr("only 12 of 20 matches agree"));
+  EXPECT_LT(card->columnWidth(1), 80);  // why it was refused stands across
   EXPECT_FALSE(views->isVisible());
   // A right click on the table decides about the station, Enter shows its image.
   emit card->customContextMenuRequested(card->visualItemRect(card->item(1, 0)).center());
