@@ -267,7 +267,7 @@ void AddBatchCommand(CLI::App& app, Session& session) {
       "  trigpoint batch \"/data/sites/*\"\n"
       "  trigpoint batch sites.txt --engine slurm --partition main --threads 8\n"
       "A line of sites.txt:\n"
-      "  street_a --run monday --variant trial --set localize.max_distance_m=20");
+      "  street_a --run monday --variant trial --set localize.registration.max_distance_m=20");
   const auto a = std::make_shared<BatchArguments>();
   AddOptions(command, a.get());
   command.callback([&session, a] { session.action = [a](Session& s) { return RunBatch(s, *a); }; });

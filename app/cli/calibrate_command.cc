@@ -163,7 +163,7 @@ void AddCalibrateCommand(CLI::App& app, Session& session) {
           "      --model kannala_brandt --name rig\n"
           "  trigpoint calibrate my_site --hand-eye run1 --name mounted\n"
           "  trigpoint calibrate my_site --from camera_info.yaml --name factory\n"
-          "  trigpoint calibrate my_site --name phone --set model=rational     the same pictures again\n");
+          "  trigpoint calibrate my_site --name phone --set model=rational   # the same pictures again\n");
   const auto arguments = std::make_shared<Arguments>();
   command
       .add_option("DIR", arguments->dir, "the project, or any folder: the result goes to DIR/results/calibrate/NAME")

@@ -147,7 +147,7 @@ void AddInspectCommand(CLI::App& app, Session& session) {
   CLI::App& command = AddCommand(
       app, session, "inspect", "what a solution contains about one image: tags, points, matches with a panorama",
       "Examples:\n  trigpoint inspect my_site --run run1 --image images/000012.jpg\n"
-      "  trigpoint inspect my_site --run run1 --image images/000012.jpg --panorama panoramas/p7.jpg --json");
+      "  trigpoint inspect my_site --run run1 --image images/000012.jpg --panorama panoramas/pano_057.jpg --json");
   const auto a = std::make_shared<InspectArguments>();
   command.add_option("DIR", a->dir, "the project")->required();
   command.add_option("--run", a->run, "the image's run")->required();

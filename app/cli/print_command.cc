@@ -139,7 +139,7 @@ void AddPrintCommand(CLI::App& app, Session& session) {
           "Examples:\n"
           "  trigpoint print my_site --ids 0-11 --size 160\n"
           "  trigpoint print my_site --ids 20-43 --size 40 --paper Letter\n"
-          "  trigpoint print my_site --ids 7 --size 500 --paper A3\n"
+          "  trigpoint print my_site --ids 50 --size 500 --paper A3\n"
           "  trigpoint print my_site --measured 159.5 159.6 --nominal 160\n"
           "  trigpoint print my_site --what board --target charuco:8x6:0.03:0.022:DICT_4X4_50\n"
           "  trigpoint print my_site --what scale-bar --ids 100,101 --size 80 --length 1000 --paper A3\n");

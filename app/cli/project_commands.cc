@@ -160,8 +160,8 @@ void AddRunCommand(CLI::App& app, Session& session) {
       "goes on.\n\n"
       "Examples:\n"
       "  trigpoint run my_site\n"
-      "  trigpoint run my_site --run run1 --run run3\n"
-      "  trigpoint run my_site --set localize.max_distance_m=20");
+      "  trigpoint run my_site --run run1 --run run2\n"
+      "  trigpoint run my_site --set localize.registration.max_distance_m=20");
   const auto dir = std::make_shared<std::string>();
   const auto arguments = std::make_shared<RunArguments>();
   command.add_option("DIR", *dir, "the project")->required();
