@@ -46,8 +46,8 @@ class ImagesDesk : public QWidget {
   MatchLines* lines() const { return lines_; }
   // The next image that shows the selected tag, in the order chosen; the first again after the last.
   void NextImageOfTag();
-  // The last mark that was set, moved or removed here is as it was before, on disk too; it is changed again. The image
-  // is shown.
+  // Undo takes back the last mark that was set, moved or removed here, on disk too; Redo makes it again. Both show the
+  // mark's image.
   void Undo();
   void Redo();
   // What they would do, in words; empty: nothing.
@@ -84,7 +84,7 @@ class ImagesDesk : public QWidget {
   void Mark(double u, double v);
   void RemoveMark(const QString& point);
   void Change(const QString& point, const std::optional<MarkPlace>& after);  // in this image; it can be undone
-  // As it is before or after the step; what was done is the way.
+  // Draws and writes the step's mark: as it was before the step if that is undone, else as it is after it.
   void Apply(const MarkStep& step, MarkHistory::Way way);
   void ShowStep(const MarkStep& step);          // its image, its point
   void ForgetPrediction(const QString& where);  // in an image, until it is predicted anew

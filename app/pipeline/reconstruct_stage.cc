@@ -76,9 +76,10 @@ void OfferReadout(const LocalizeInput& input, const std::vector<ReadoutEstimate>
   constexpr double kSigmas = 5, kLeast_s = 1e-3;
   for (const ReadoutEstimate& e : readout) {
     const BodyCamera& camera = input.cameras[static_cast<size_t>(e.camera)];
+    if (camera.part.kind != PicturePart::Kind::kAll) continue;  // its rows are not those of a sensor
     context.metrics["readout"][camera.name] = {
         {"used_s", camera.readout_s}, {"estimate_s", e.readout_s}, {"sigma_s", e.sigma_s}};
-    if (camera.IsFurtherView() || std::abs(e.change_s) < std::max(kLeast_s, kSigmas * e.sigma_s)) continue;
+    if (std::abs(e.change_s) < std::max(kLeast_s, kSigmas * e.sigma_s)) continue;
     context.progress.Log(
         LogLevel::kWarning,
         fmt::format("camera {}: the images fit best with a readout time of {:.1f} ms +- {:.1f} ms (1 sigma) from the "

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "datasets/io/motion_rates.h"
+#include "localize/reconstruct/rolling_shutter.h"
 
 namespace trigpoint {
 namespace {
@@ -28,6 +29,7 @@ double InverseDistance(const Camera& camera, const TagDetection& tag, double siz
 }  // namespace
 
 void MoveToImageTimes(const Run& run, const TagSizes& sizes, std::vector<ImageDetections>* images) {
+  if (!HasReadout(run.cameras)) return;
   std::vector<int64_t> stamps;
   for (const ImageDetections& image : *images) {
     const BodyCamera* camera = RollingCamera(run, image.camera);

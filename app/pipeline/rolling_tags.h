@@ -9,8 +9,8 @@
 namespace trigpoint {
 
 // Moves corners to where a camera at the image's time would have seen them (calib/camera/rolling_shutter.h), in the
-// images of cameras with a readout time. How far away a tag is follows from its size; of tags without one, and without
-// odometry about the image's time, less or nothing is corrected.
+// images of cameras with a readout time. The size of a tag gives its distance; without a size only the camera's
+// rotation is corrected, without odometry at the image's time nothing.
 void MoveToImageTimes(const Run& run, const TagSizes& sizes, std::vector<ImageDetections>* images);
 
 }  // namespace trigpoint

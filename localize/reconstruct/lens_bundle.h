@@ -12,6 +12,7 @@
 
 namespace trigpoint {
 
+inline constexpr int kLeastRedundancy = 200;
 inline constexpr int kLensParameters = std::tuple_size_v<LensParameters>;
 using PoseParameters = std::array<double, 6>;  // angle axis and translation (m) of body_from_odom
 
@@ -36,6 +37,9 @@ class LensBundle {
   double Solve(int max_iterations);
   // Of the lenses that are free, in order; empty where images do not determine them.
   Eigen::MatrixXd CovarianceOfLenses();
+
+  // Is more measured than is estimated, by so much that a few more parameters do not fit chance?
+  bool IsRedundant() const { return problem.NumResiduals() - problem.NumParameters() >= kLeastRedundancy; }
 
   bool HasLens(size_t camera) { return problem.HasParameterBlock(lenses[camera].data()); }
 

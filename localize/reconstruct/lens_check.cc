@@ -50,7 +50,7 @@ std::vector<size_t> AddLenses(const LocalizeInput& input, double sigma_share, do
     bundle->problem.SetParameterBlockConstant(bundle->lenses[c].data());
     cameras.push_back(c);
   }
-  if (bundle->problem.NumResiduals() - bundle->problem.NumParameters() < kLeastRedundancy) return {};
+  if (!bundle->IsRedundant()) return {};
   return cameras;
 }
 

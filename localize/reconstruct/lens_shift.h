@@ -8,7 +8,6 @@ namespace trigpoint {
 
 inline constexpr int kLensPointsPerImage = 60;
 inline constexpr int kLensIterations = 10;
-inline constexpr int kLeastRedundancy = 200;  // of a problem: with less, a few more parameters remove much by chance
 // 1 sigma of each error of a calibration with a board.
 inline constexpr double kUsualLensError = 0.003;
 

@@ -48,10 +48,10 @@ ReconstructRunOptions WithoutOdometry(ReconstructRunOptions o) {
   return o;
 }
 
-// The reconstruction made again with the way of rolling shutters taken out: it is known by the first one.
+// Reconstructs again, with rays that are corrected for the cameras' translation while their rows were read out.
 void ReadOutRows(const LocalizeInput& input, ReconstructStart start, const ReconstructOptions& options, int threads,
                  ProgressSink& progress, const CancelToken& cancel, Reconstruction* r) {
-  if (!HasReadout(input)) return;
+  if (!HasReadout(input.cameras)) return;
   for (size_t k = 0; k < start.odom_from_body.size(); ++k) start.odom_from_body[k] = r->problem.poses[k].Inverse();
   *r = Reconstruct(input, start, static_cast<int>(r->problem.points.size()), AtImageTimes(input, *r), options, false,
                    threads, progress, cancel);

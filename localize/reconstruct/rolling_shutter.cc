@@ -52,9 +52,8 @@ FeatureSet AtImageTime(FeatureSet features, const BodyCamera& camera, const Moti
   return features;
 }
 
-bool HasReadout(const LocalizeInput& input) {
-  return std::any_of(input.cameras.begin(), input.cameras.end(),
-                     [](const BodyCamera& camera) { return camera.readout_s != 0; });
+bool HasReadout(const std::vector<BodyCamera>& cameras) {
+  return std::any_of(cameras.begin(), cameras.end(), [](const BodyCamera& camera) { return camera.readout_s != 0; });
 }
 
 std::vector<TrackObservation> AtImageTimes(const LocalizeInput& input, const Reconstruction& r) {
@@ -89,7 +88,7 @@ std::vector<ReadoutEstimate> EstimateReadout(const LocalizeInput& input, const R
     bundle.AddPrior(c, LensParameters{}, {kSigmaReadout, kUsualLensError, centre, centre, kUsualLensError});
     estimates.push_back({static_cast<int>(c)});
   }
-  if (bundle.problem.NumResiduals() - bundle.problem.NumParameters() < kLeastRedundancy) return {};
+  if (!bundle.IsRedundant()) return {};
   bundle.Solve(kLensIterations);
   const Eigen::MatrixXd covariance = bundle.CovarianceOfLenses();  // and of poses behind them
   if (covariance.size() == 0) return {};

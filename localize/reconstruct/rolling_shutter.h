@@ -1,8 +1,9 @@
 // Rolling shutters of a run's cameras (calib/camera/rolling_shutter.h): what depends on the distance of points, and the
 // readout times as images show them.
 //
-// Features come with the camera's turn taken out (LocalizeInput::image_features). Its way takes a distance: once there
-// is a reconstruction, the rays are corrected by it, and it is made again. All that follows takes the rays as they are.
+// Features are corrected for the camera's rotation when they are read (LocalizeInput::image_features). The correction
+// for its translation needs distances: the first reconstruction gives them, and the corrected rays are reconstructed
+// again. All that follows uses the corrected rays.
 #pragma once
 
 #include <vector>
@@ -14,8 +15,8 @@ namespace trigpoint {
 // The features of an image as its camera would have seen those of far points at the image's time.
 FeatureSet AtImageTime(FeatureSet features, const BodyCamera& camera, const MotionRate& body);
 
-// Whether a camera of the run has a readout time.
-bool HasReadout(const LocalizeInput& input);
+// Whether one of the cameras has a readout time.
+bool HasReadout(const std::vector<BodyCamera>& cameras);
 
 // The observations of a reconstruction from uncorrected rays, as a camera at the images' times would have seen them.
 std::vector<TrackObservation> AtImageTimes(const LocalizeInput& input, const Reconstruction& reconstruction);
