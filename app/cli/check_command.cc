@@ -72,7 +72,7 @@ int Check(Session& session, const Arguments& a) {
   // Of a video that is still being copied FFmpeg complains at each look; the findings name it once.
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
   SiteCheck check(a.dir, session.options.threads, session.options.seed);
-  CheckOutcome outcome = CheckSite(check, a.watch, terminal, *session.cancel);
+  CheckOutcome outcome = CheckSite(check, unit, a.watch, terminal, *session.cancel);
   terminal.ClearProgress();
   if (a.watch) {
     terminal.Say("Page: " + (check.out() / "index.html").string() + " (refreshes itself); end with Ctrl-C");
@@ -80,12 +80,12 @@ int Check(Session& session, const Arguments& a) {
     std::set<std::string> said;
     std::string advised;
     SayChanges(outcome, unit, &said, &advised, &terminal);
-    outcome =
-        WatchSite(check, std::move(outcome), terminal, *session.cancel, [&](const CheckOutcome& now, size_t looked) {
-          terminal.ClearProgress();
-          if (looked > 0) terminal.Say(CheckHeadline(now));
-          SayChanges(now, unit, &said, &advised, &terminal);
-        });
+    outcome = WatchSite(check, unit, std::move(outcome), terminal, *session.cancel,
+                        [&](const CheckOutcome& now, size_t looked) {
+                          terminal.ClearProgress();
+                          if (looked > 0) terminal.Say(CheckHeadline(now));
+                          SayChanges(now, unit, &said, &advised, &terminal);
+                        });
     terminal.ClearProgress();
   }
   session.End(EndingOf(outcome, unit, check.out()));

@@ -189,7 +189,8 @@ void CheckDesk::Start(bool watch) {
   known_ = PicturesOf(*workspace_->snapshot());
   work_ = std::make_shared<PolledProgress>();
   const auto error = std::make_shared<QString>();
-  thread_ = QThread::create([this, dir = workspace_->snapshot()->dir, watch, work = work_, error] {
+  const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
+  thread_ = QThread::create([this, dir = workspace_->snapshot()->dir, unit, watch, work = work_, error] {
     const auto show = [this, work](const CheckOutcome& judged) {
       QMetaObject::invokeMethod(
           this,
@@ -200,9 +201,11 @@ void CheckDesk::Start(bool watch) {
     };
     try {
       SiteCheck check(dir, 0, kSeed);
-      CheckOutcome outcome = CheckSite(check, watch, *work, work->cancel);
+      CheckOutcome outcome = CheckSite(check, unit, watch, *work, work->cancel);
       show(outcome);
-      if (watch) WatchSite(check, std::move(outcome), *work, work->cancel, [&](const auto& now, size_t) { show(now); });
+      if (watch) {
+        WatchSite(check, unit, std::move(outcome), *work, work->cancel, [&](const auto& now, size_t) { show(now); });
+      }
     } catch (const Cancelled&) {
       // asked for
     } catch (const std::exception& e) {

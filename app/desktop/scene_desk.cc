@@ -489,8 +489,11 @@ void SceneDesk::Load() {
           SceneStyle style;
           style.text_px = 0.85 * fontMetrics().height() * devicePixelRatioF();
           style.max_labels = kMostLabels;  // those that have room are drawn
-          // Two that stand side by side are drawn at one scale.
-          if (twin_ != nullptr && twin_->vtk_->view) style.error_scale = twin_->vtk_->view->ErrorScale();
+          // Two that stand side by side are drawn at one scale, in the same colours.
+          if (twin_ != nullptr && twin_->vtk_->view) {
+            style.error_scale = twin_->vtk_->view->ErrorScale();
+            style.heights_m = twin_->vtk_->view->HeightsOfColours();
+          }
           vtk_->view = std::make_unique<SceneView>(vtk_->scene->model, style);
           vtk_->view->AddTo(vtk_->renderer);
           ShowBackground();

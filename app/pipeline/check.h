@@ -100,8 +100,10 @@ class SiteCheck {
   bool set_matched_ = false;                                             // since the last judgement
 };
 
-// findings.csv, tags.csv, next.csv, summary.json, map.svg, index.html; `refresh_s`: the page reloads itself, 0: never.
-void WriteCheck(const CheckOutcome& outcome, int refresh_s, const std::filesystem::path& folder);
+// findings.csv, tags.csv, next.csv, summary.json; for people, in `unit`: map.svg, index.html. `refresh_s`: the page
+// reloads itself, 0: never.
+void WriteCheck(const CheckOutcome& outcome, const DisplayUnit& unit, int refresh_s,
+                const std::filesystem::path& folder);
 // Tags, the way so far, and where to stand next; nothing: no map can be made of it yet.
 std::optional<Drawing> CheckMap(const CheckOutcome& outcome, const DisplayUnit& unit = {});
 // "amber: 382 pictures of 2 runs, 12 pictures of 1 photo set, 8 of 9 tags seen".

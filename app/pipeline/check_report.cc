@@ -143,17 +143,18 @@ nlohmann::json SummaryOf(const CheckOutcome& outcome) {
 TableCell Text(const std::string& text, Tone tone = Tone::kPlain) { return {text, std::nullopt, tone}; }
 TableCell Number(double value, int decimals) { return {fmt::format("{:.{}f}", value, decimals), value}; }
 
-Table FindingTable(const CheckOutcome& outcome) {
+Table FindingTable(const CheckOutcome& outcome, const DisplayUnit& unit) {
   Table table{
       "", "Red: the recordings do not suffice yet. Amber: check it before you leave the site. Green: no problem found"};
   table.columns = {{"light"}, {"topic"}, {"finding"}};
   for (const SiteFinding& f : outcome.findings) {
-    table.rows.push_back({Text(LightName(f.light), ToneOf(f.light)), Text(f.topic), Text(f.text.In())});
+    table.rows.push_back(
+        {Text(LightName(f.light), ToneOf(f.light)), Text(f.topic), Text(f.text.In(unit.name, unit.metres))});
   }
   return table;
 }
 
-Table TagTable(const CheckOutcome& outcome) {
+Table TagTable(const CheckOutcome& outcome, const DisplayUnit& unit) {
   Table table{
       "",
       "Directions: the directions that the tag was photographed from, as angles from its normal, positive to the right "
@@ -164,7 +165,7 @@ Table TagTable(const CheckOutcome& outcome) {
                    {"pictures", true},
                    {"runs", true},
                    {"largest (px)", true},
-                   {"nearest (m)", true, kUnplaced},
+                   {fmt::format("nearest ({})", unit.name), true, kUnplaced},
                    {"from (deg)", true, kUnplaced},
                    {"to (deg)", true, kUnplaced},
                    {"3D sigma (mm)", true, kUnplaced},
@@ -174,7 +175,7 @@ Table TagTable(const CheckOutcome& outcome) {
     const bool bad = tag.status != "ok" && !tag.status.empty();
     std::vector<TableCell> row = {Number(tag.tag_id, 0), Text(tag.status, bad ? Tone::kBad : Tone::kPlain),
                                   Number(tag.pictures, 0), Number(tag.runs, 0), Number(tag.largest_px, 0)};
-    row.push_back(tag.nearest_m ? Number(*tag.nearest_m, 1) : Text(""));
+    row.push_back(tag.nearest_m ? Number(*tag.nearest_m / unit.metres, 1) : Text(""));
     row.push_back(tag.nearest_m ? Number(tag.left_deg, 0) : Text(""));
     row.push_back(tag.nearest_m ? Number(tag.right_deg, 0) : Text(""));
     row.push_back(tag.sigma_m ? Number(kMm * tag.sigma_m->norm(), 1) : Text(""));
@@ -184,7 +185,7 @@ Table TagTable(const CheckOutcome& outcome) {
   return table;
 }
 
-Document PageOf(const CheckOutcome& outcome) {
+Document PageOf(const CheckOutcome& outcome, const DisplayUnit& unit) {
   const FieldFacts& facts = outcome.facts;
   const bool green = outcome.light == Light::kGreen;
   Document page;
@@ -211,10 +212,11 @@ Document PageOf(const CheckOutcome& outcome) {
   }
   int rank = 0;
   for (const Advice& advice : outcome.advice) {
-    page.blocks.push_back(Paragraph{fmt::format("{}. {}. Why: {}.", ++rank, advice.what.In(), advice.why),
+    const std::string what = advice.what.In(unit.name, unit.metres);
+    page.blocks.push_back(Paragraph{fmt::format("{}. {}. Why: {}.", ++rank, what, advice.why),
                                     advice.rms_after_m > 0 ? Tone::kPlain : Tone::kBad});
   }
-  if (const auto map = CheckMap(outcome)) {
+  if (const auto map = CheckMap(outcome, unit)) {
     page.blocks.push_back(
         Figure{"map",
                "Tags, the path so far, and where to photograph next (numbers; the arrow shows the viewing "
@@ -222,8 +224,8 @@ Document PageOf(const CheckOutcome& outcome) {
                *map});
   }
   page.blocks.push_back(Heading{2, "Findings", "findings"});
-  page.blocks.push_back(FindingTable(outcome));
-  const Table tags = TagTable(outcome);
+  page.blocks.push_back(FindingTable(outcome, unit));
+  const Table tags = TagTable(outcome, unit);
   if (tags.rows.empty()) return page;  // a site without tags
   page.blocks.push_back(Heading{2, "Tags", "tags"});
   page.blocks.push_back(tags);
@@ -257,14 +259,14 @@ std::string CheckHeadline(const CheckOutcome& outcome) {
                      outcome.waiting > 0 ? fmt::format("; still to be looked at: {}", outcome.waiting) : "");
 }
 
-void WriteCheck(const CheckOutcome& outcome, int refresh_s, const fs::path& folder) {
+void WriteCheck(const CheckOutcome& outcome, const DisplayUnit& unit, int refresh_s, const fs::path& folder) {
   WriteTables(outcome, folder);
-  if (const auto map = CheckMap(outcome)) {
+  if (const auto map = CheckMap(outcome, unit)) {
     WriteFileAtomically(folder / "map.svg", SvgFileOf(*map, "What to photograph next"));
   } else {
     fs::remove(folder / "map.svg");
   }
-  std::string html = HtmlOf(PageOf(outcome));
+  std::string html = HtmlOf(PageOf(outcome, unit));
   if (refresh_s > 0) {
     html.insert(html.find("<title>"), fmt::format("<meta http-equiv=\"refresh\" content=\"{}\">\n", refresh_s));
   }

@@ -18,7 +18,8 @@ double Seconds(Clock::time_point since) { return std::chrono::duration<double>(C
 
 }  // namespace
 
-CheckOutcome CheckSite(SiteCheck& check, bool watched, ProgressSink& progress, const CancelToken& cancel) {
+CheckOutcome CheckSite(SiteCheck& check, const DisplayUnit& unit, bool watched, ProgressSink& progress,
+                       const CancelToken& cancel) {
   const auto begun = Clock::now();
   while (true) {
     if (check.Look(kAtATime, progress, cancel) > 0 || check.Compare(kAtATime, progress, cancel) > 0) continue;
@@ -29,7 +30,7 @@ CheckOutcome CheckSite(SiteCheck& check, bool watched, ProgressSink& progress, c
     cancel.ThrowIfCancelled();
   }
   CheckOutcome outcome = check.Judge(progress, cancel);
-  WriteCheck(outcome, watched ? kRefresh_s : 0, check.out());
+  WriteCheck(outcome, unit, watched ? kRefresh_s : 0, check.out());
   return outcome;
 }
 
@@ -57,8 +58,8 @@ CheckOutcome JudgeOrExplain(SiteCheck& check, const CheckOutcome& before, Progre
 
 }  // namespace
 
-CheckOutcome WatchSite(SiteCheck& check, CheckOutcome outcome, ProgressSink& progress, const CancelToken& cancel,
-                       const Judged& judged) {
+CheckOutcome WatchSite(SiteCheck& check, const DisplayUnit& unit, CheckOutcome outcome, ProgressSink& progress,
+                       const CancelToken& cancel, const Judged& judged) {
   auto judged_at = Clock::now();
   double took = 0;
   size_t looked = 0;
@@ -75,7 +76,7 @@ CheckOutcome WatchSite(SiteCheck& check, CheckOutcome outcome, ProgressSink& pro
         took = Seconds(begun);
         judged_at = Clock::now();
         waited = outcome.waiting > 0;
-        WriteCheck(outcome, kRefresh_s, check.out());
+        WriteCheck(outcome, unit, kRefresh_s, check.out());
         judged(outcome, looked);
         looked = 0;
       }
@@ -84,7 +85,7 @@ CheckOutcome WatchSite(SiteCheck& check, CheckOutcome outcome, ProgressSink& pro
     }
   } catch (const Cancelled&) {
   }
-  WriteCheck(outcome, 0, check.out());
+  WriteCheck(outcome, unit, 0, check.out());
   return outcome;
 }
 

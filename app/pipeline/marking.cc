@@ -52,11 +52,15 @@ NamedImage FindImage(const Project& project, const std::string& text) {
   throw InputError("there is no image '" + text + "'" + (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
 }
 
-const std::vector<std::string> kMarkColumns = {"point", "image", "u", "v"};
-
-bool IsMarkOf(const CsvRow& row, const std::string& point, const std::string& image) {
-  return row.Text("point") == point && row.Text("image") == image;
+// Below the project; `named` itself where it is no image of a run.
+std::string FullName(const std::vector<NamedImage>& images, const std::string& named) {
+  for (const NamedImage& image : images) {
+    if (image.entry->file == named || NamesPath(named, image.image)) return image.image;
+  }
+  return named;
 }
+
+const std::vector<std::string> kMarkColumns = {"point", "image", "u", "v"};
 
 std::string MarkLine(const std::vector<std::string>& columns, const PointMark& mark) {
   CsvWriter csv(columns);
@@ -99,10 +103,12 @@ bool EditMarks(const Project& project, const std::string& point, const std::stri
     return false;
   }
   const CsvTable table = CsvTable::Read(file, kMarkColumns);
-  const bool there = std::any_of(table.rows().begin(), table.rows().end(),
-                                 [&](const CsvRow& row) { return IsMarkOf(row, point, image); });
+  const auto is_mark = [&, images = ImagesOf(project)](const CsvRow& row) {
+    return row.Text("point") == point && FullName(images, row.Text("image")) == image;
+  };
+  const bool there = std::any_of(table.rows().begin(), table.rows().end(), is_mark);
   RequireCommas(file, ReadTextFile(file));
-  std::string text = table.TextWithout([&](const CsvRow& row) { return IsMarkOf(row, point, image); });
+  std::string text = table.TextWithout(is_mark);
   if (added != nullptr) {
     if (!text.empty() && text.back() != '\n') text += '\n';
     text += MarkLine(table.columns(), *added);
@@ -177,12 +183,17 @@ Eigen::Vector3d MeetingPoint(const std::vector<const LocalizedView*>& views) {
 
 }  // namespace
 
+bool NamesPath(const std::string& named, const std::string& path) {
+  return path == named || path.ends_with("/" + named);
+}
+
 std::vector<PointMark> ReadPointMarks(const Project& project) {
   std::vector<PointMark> marks;
   if (!fs::exists(FileOf(project))) return marks;
   const CsvTable table = CsvTable::Read(FileOf(project), kMarkColumns, {"sigma_px"});
+  const std::vector<NamedImage> images = ImagesOf(project);
   for (const CsvRow& row : table.rows()) {
-    PointMark mark{row.Text("point"), row.Text("image"), {row.Number("u"), row.Number("v")}};
+    PointMark mark{row.Text("point"), FullName(images, row.Text("image")), {row.Number("u"), row.Number("v")}};
     mark.sigma_px = row.Number("sigma_px", mark.sigma_px);
     marks.push_back(std::move(mark));
   }

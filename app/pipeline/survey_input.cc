@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "app/pipeline/image_motion.h"
+#include "app/pipeline/marking.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
 #include "app/pipeline/rolling_tags.h"
@@ -102,14 +103,11 @@ std::vector<SurveyMark> MarksOf(const Project& project, const std::string& point
                                 : mark.pixel;
       if (found++ == 0) marks.push_back(m);
     };
-    const auto is_meant = [&](const std::string& path) {
-      return path == mark.image || path.ends_with("/" + mark.image);
-    };
     for (size_t r = 0; r < job.input.runs.size(); ++r) {
       const SurveyRun& its = job.input.runs[r];
       if (its.stills) {
         for (const ImageDetections& photo : its.images) {
-          if (!is_meant(photo.image)) continue;
+          if (!NamesPath(mark.image, photo.image)) continue;
           const size_t camera = CameraNamed(its, photo.camera);
           add(r, its.cameras[camera], static_cast<int>(camera), photo.stamp_ns);
         }
@@ -117,7 +115,7 @@ std::vector<SurveyMark> MarksOf(const Project& project, const std::string& point
       }
       const Run& run = project.run(its.name);
       for (const ImageEntry& image : run.images) {
-        if (image.file != mark.image && !is_meant(image.path.string())) continue;
+        if (image.file != mark.image && !NamesPath(mark.image, image.path.string())) continue;
         const BodyCamera& camera = run.cameras[static_cast<size_t>(image.camera)];
         add(r, camera, image.camera, image.stamp_ns + std::llround(camera.time_offset_s * 1e9));
       }

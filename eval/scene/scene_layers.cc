@@ -207,6 +207,9 @@ void SceneView::Parts::ColourPoints() {
   std::sort(sorted.begin(), sorted.end());
   lowest = 0, highest = by_rank ? 100 : 1;
   if (!by_rank && !sorted.empty()) lowest = Quantile(sorted, 0.02), highest = Quantile(sorted, 0.95);
+  if (style.heights_m && !by_rank && points_by == PointColour::kHeight) {
+    lowest = style.heights_m->front() / unit.metres, highest = style.heights_m->back() / unit.metres;
+  }
   if (highest <= lowest) highest = lowest + 1;
   vtkNew<vtkFloatArray> scalars;
   for (double value : values) {

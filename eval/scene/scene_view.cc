@@ -390,6 +390,11 @@ void SceneView::DrawMoving(bool moving) {
 
 double SceneView::ErrorScale() const { return parts_->error_scale; }
 
+std::optional<std::array<double, 2>> SceneView::HeightsOfColours() const {
+  if (parts_->shown.empty() || parts_->by_rank || parts_->points_by != PointColour::kHeight) return std::nullopt;
+  return std::array{parts_->lowest * parts_->unit.metres, parts_->highest * parts_->unit.metres};
+}
+
 void SceneView::LookDown(vtkRenderer* renderer) const {
   auto [low, high] = parts_->model.Bounds();
   const Eigen::Vector3d middle = 0.5 * (low + high);

@@ -45,6 +45,8 @@ struct SceneStyle {
   double frustum_depth_m = 0.5;  // of cameras
   // Error vectors and ellipsoids are this much longer than life; 0: a round number that makes them visible.
   double error_scale = 0;
+  // Heights at the ends of the points' colours, m; none: from the 2nd to the 95th percentile of the points shown.
+  std::optional<std::array<double, 2>> heights_m;
   double confidence = 0.95;  // of ellipsoids
   double text_px = 18;       // height of labels
   int max_spheres = 300;     // textured ones; further answers are dots
@@ -109,6 +111,8 @@ class SceneView {
   void DrawMoving(bool moving);
   // Written beside every picture: "error vectors and ellipsoids x 20".
   double ErrorScale() const;
+  // For SceneStyle::heights_m of another view; none: no points are shown by height.
+  std::optional<std::array<double, 2>> HeightsOfColours() const;
 
   // Cameras: straight down with north up (parallel), from the south-west above, and one station with its surroundings.
   void LookDown(vtkRenderer* renderer) const;

@@ -1,4 +1,4 @@
-// Marks of points that several programs write at the same time.
+// Marks of points: names of images as files shorten them, several programs that write at the same time.
 #include "app/pipeline/marking.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,9 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <fstream>
 
+#include "datasets/io/text.h"
 #include "datasets/project/project.h"
 #include "tests/datasets/project_folder.h"
 #include "tests/support/results_site.h"
@@ -38,6 +40,24 @@ TEST(PointMarks, OfTwoProgramsAtTheSameTimeAreAllKept) {
   ASSERT_EQ(waitpid(other, &status, 0), other);
   EXPECT_EQ(status, 0);
   EXPECT_EQ(ReadPointMarks(project).size(), 2u * kMarks);
+}
+
+TEST(PointMarks, OfShortenedNamesAreThoseOfTheFullOnes) {
+  const ProjectFolder folder;
+  const std::filesystem::path dir = folder.dir().parent_path() / "marked";
+  WriteResultsSite(dir, {});
+  const std::filesystem::path file = dir / "control_observations.csv";
+  std::ofstream(file) << "point,image,u,v\nA,000000.jpg,3,4\nB,images/000000.jpg,5,6\nC,elsewhere.jpg,7,8\n";
+  const Project project = Project::Open(dir);
+  const std::string full = "runs/run1/images/000000.jpg";
+  const std::vector<PointMark> marks = ReadPointMarks(project);
+  ASSERT_EQ(marks.size(), 3u);
+  EXPECT_EQ(marks[0].image, full);
+  EXPECT_EQ(marks[1].image, full);
+  EXPECT_EQ(marks[2].image, "elsewhere.jpg");
+  SavePointMark(project, "A", full, {9, 9});  // moves it
+  RemovePointMark(project, "B", "run1/images/000000.jpg");
+  EXPECT_EQ(ReadTextFile(file), "point,image,u,v\nC,elsewhere.jpg,7,8\nA,runs/run1/images/000000.jpg,9.000,9.000\n");
 }
 
 }  // namespace

@@ -174,6 +174,8 @@ TEST_F(FieldCheck, LengthsAreInTheUnitAskedFor) {
   EXPECT_THAT(metres.out + metres.err, HasSubstr("from 3 to 5 m and from two sides"));
   EXPECT_THAT(feet.out + feet.err, HasSubstr("from 10 to 16 ft and from two sides"));
   EXPECT_THAT(ReadTextFile(site_ / "results" / "check" / "next.csv"), HasSubstr("from 3 to 5 m"));
+  EXPECT_THAT(ReadTextFile(site_ / "results" / "check" / "index.html"),
+              AllOf(HasSubstr("from 10 to 16 ft"), Not(HasSubstr("from 3 to 5 m"))));
 }
 
 TEST_F(FieldCheck, PrintedSparesAreNotMissing) {

@@ -138,6 +138,25 @@ TEST_F(SceneTest, EllipsoidsAreDrawnAtAScaleThatLeavesTheSiteToBeSeen) {
   EXPECT_GE(SceneView(model).ErrorScale(), 1);
 }
 
+TEST_F(SceneTest, HeightsHaveTheColoursOfAnotherView) {
+  SceneModel model = Ring();
+  for (int i = 0; i < 100; ++i) model.points.push_back({0, 100 + i, {0, 0, 0.1 * i}, 3, 0.01});
+  SceneView view(model);
+  view.SetUnit({"ft", 0.3048});
+  const auto heights = view.HeightsOfColours();
+  ASSERT_TRUE(heights);
+  EXPECT_LT((*heights)[0], 1);
+  EXPECT_GT((*heights)[1], 9);
+  for (ScenePoint& point : model.points) point.position.z() *= 2;
+  SceneStyle style;
+  style.heights_m = heights;
+  SceneView other(model, style);
+  EXPECT_NEAR((*other.HeightsOfColours())[1], (*heights)[1], 1e-9);
+  EXPECT_GT((*SceneView(model).HeightsOfColours())[1], 1.8 * (*heights)[1]);
+  other.ColourPointsBy(PointColour::kTrackLength);
+  EXPECT_FALSE(other.HeightsOfColours());
+}
+
 TEST_F(SceneTest, DrawsLessWhileItMovesAndEverythingWhenItStands) {
   SceneModel model = Ring();
   for (int i = 0; i < 40000; ++i) {  // a veil along the south, more than are drawn of a scene that moves
