@@ -45,8 +45,9 @@ QImage CoveragePicture(const CalibrationCamera& camera) {
       painter.fillRect(box, camera.coverage[cell] == 0 ? QColor(230, 159, 0)
                                                        : QColor::fromRgbF(0.9 - 0.8 * share, 0.95 - 0.45 * share, 1.0));
       painter.setPen(share > 0.6 ? Qt::white : Qt::black);
-      painter.drawText(box, Qt::AlignCenter,
-                       QObject::tr("%1\n%2 px").arg(camera.coverage[cell]).arg(camera.residual_px[cell], 0, 'f', 2));
+      const int points = camera.coverage[cell];
+      const QString residual = QString::number(camera.residual_px[cell], 'f', 2);
+      painter.drawText(box, Qt::AlignCenter, points > 0 ? QObject::tr("%1\n%2 px").arg(points).arg(residual) : "0");
     }
   }
   return image;

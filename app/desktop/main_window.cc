@@ -53,6 +53,7 @@ namespace trigpoint {
 namespace {
 
 constexpr int kMostRecent = 10;
+constexpr int kDocks = 320, kWideDocks = 420;  // pixels: width of the docks at the left
 
 QPalette DarkPalette() {
   QPalette dark;
@@ -112,7 +113,6 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   setCentralWidget(desks_);
   site_ = MakeDock("site", tr("Site"), tree_);
   station_ = MakeDock("station", tr("Station"), card_);
-  resizeDocks({site_}, {320}, Qt::Horizontal);
   resizeDocks({site_, station_}, {330, 330}, Qt::Vertical);
   MakeStatusBar();
   connect(desks_, &QTabWidget::currentChanged, this, &MainWindow::ShowTabs);
@@ -335,7 +335,13 @@ void MainWindow::ShowTabs() {
 
 void MainWindow::resizeEvent(QResizeEvent* event) {
   QMainWindow::resizeEvent(event);
-  QMetaObject::invokeMethod(this, &MainWindow::ShowTabs, Qt::QueuedConnection);  // the tabs have their new width then
+  const bool first = !event->oldSize().isValid();
+  const auto arrange = [this, first] {  // the tabs have their new width then
+    // All columns of a station's card where there is room.
+    if (first) resizeDocks({site_}, {std::clamp(width() * 27 / 100, kDocks, kWideDocks)}, Qt::Horizontal);
+    ShowTabs();
+  };
+  QMetaObject::invokeMethod(this, arrange, Qt::QueuedConnection);
 }
 
 void MainWindow::MakeMenus() {

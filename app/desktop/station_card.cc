@@ -20,7 +20,8 @@ namespace trigpoint {
 
 namespace {
 
-constexpr int kDecimals = 3;  // of lengths
+constexpr int kDecimals = 3;    // of lengths
+constexpr int kBesideText = 9;  // pixels of a cell, both sides together
 
 QString Text(const std::string& text) { return QString::fromStdString(text); }
 
@@ -114,13 +115,13 @@ void StationCard::Show() {
   const bool errors = table_->rowCount() > 0;
   if (!errors) ShowAnswers();
   const bool answers = table_->rowCount() > 0;
-  table_->resizeColumnsToContents();
-  for (const int column : {0, 1}) {  // a title or a reason stands across: it makes no column wide
-    int widest = table_->horizontalHeader()->sectionSizeHint(column);
+  for (int column = 0; column < table_->columnCount(); ++column) {
+    int widest = table_->fontMetrics().horizontalAdvance(table_->horizontalHeaderItem(column)->text()) + kBesideText;
     for (int row = 0; row < table_->rowCount(); ++row) {
       const QTableWidgetItem* item = table_->item(row, column);
+      // A title or a reason stands across: it makes no column wide.
       if (item == nullptr || table_->columnSpan(row, column) > 1) continue;
-      widest = std::max(widest, table_->fontMetrics().horizontalAdvance(item->text()) + 12);
+      widest = std::max(widest, table_->fontMetrics().horizontalAdvance(item->text()) + kBesideText);
     }
     table_->setColumnWidth(column, widest);
   }

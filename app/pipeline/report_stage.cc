@@ -136,7 +136,7 @@ StageInfo ReportStage() {
     auto options = ResolveOptions<ReportOptions>(project, "report", target);
     KeepPdf(project, target, &options);
     StageRequest request;
-    request.version = 16;
+    request.version = 17;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;

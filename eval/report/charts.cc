@@ -40,10 +40,12 @@ struct Axis {
   std::vector<double> Ticks() const {
     std::vector<double> ticks;
     if (logarithmic) {
-      const bool dense = high / low < 150;
+      const bool dense = high / low < 150, denser = high / low <= 10;
       for (double d = std::pow(10.0, std::floor(std::log10(low) + 1e-9)); d <= high * 1.001; d *= 10) {
-        for (double f : {1.0, 2.0, 5.0}) {
-          if ((f == 1.0 || dense) && f * d >= low * 0.999 && f * d <= high * 1.001) ticks.push_back(f * d);
+        for (double f : {1.0, 2.0, 3.0, 4.0, 5.0, 7.0}) {
+          const bool round = f == 1 || f == 2 || f == 5;
+          if ((f == 1 || (dense && round) || denser) && f * d >= low * 0.999 && f * d <= high * 1.001)
+            ticks.push_back(f * d);
         }
       }
       return ticks;

@@ -8,6 +8,7 @@
 #include <vtkProperty2D.h>
 #include <vtkRenderer.h>
 #include <vtkScalarBarActor.h>
+#include <vtkTextActor.h>
 #include <vtkTextProperty.h>
 #include <vtkUnsignedCharArray.h>
 
@@ -25,8 +26,8 @@ namespace {
 // The bar of the points' colours, in heights of the scene's text: its texts are smaller than others, and its numbers
 // are as wide as "0.00123".
 constexpr double kBarText = 0.8, kBarColours_text = 1.2, kBarNumbers_text = 3.4, kBarHeight_text = 12;
-constexpr double kBarCharacter_text = 0.45;  // of its title, in the mean
-constexpr double kBarShare = 0.36;           // of the picture's height, at most
+constexpr double kBarRight = 0.985, kBarBottom = 0.04;  // shares of the picture
+constexpr double kBarShare = 0.36;                      // of the picture's height, at most
 
 Colour ColourOf(ScenePath::Kind kind) {
   switch (kind) {
@@ -125,12 +126,16 @@ void SceneView::Parts::BuildPoints() {
   bar->SetWidth(0.055);
   bar->SetHeight(0.36);
   bar->UnconstrainedFontSizeOn();
-  bar->SetVerticalTitleSeparation(static_cast<int>(0.4 * style.text_px));
   bar->SetLabelFormat("%.3g");
   bar->DrawBackgroundOn();
   bar->GetBackgroundProperty()->SetColor(1, 1, 1);
   bar->GetBackgroundProperty()->SetOpacity(0.75);
-  for (vtkTextProperty* text : {bar->GetLabelTextProperty(), bar->GetTitleTextProperty()}) {
+  bar_title = vtkSmartPointer<vtkTextActor>::New();  // the bar's own stands half above its plate
+  bar_title->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
+  bar_title->GetTextProperty()->SetJustificationToRight();
+  bar_title->GetTextProperty()->SetBackgroundColor(1, 1, 1);
+  bar_title->GetTextProperty()->SetBackgroundOpacity(0.75);
+  for (vtkTextProperty* text : {bar->GetLabelTextProperty(), bar_title->GetTextProperty()}) {
     text->SetFontFamilyToArial();
     text->ItalicOff();
     text->BoldOff();
@@ -140,6 +145,7 @@ void SceneView::Parts::BuildPoints() {
   }
   points_bar = bar.Get();
   Add("points", bar);
+  Add("points", bar_title);
   points_by = style.points;
   ChoosePoints();
 }
@@ -147,14 +153,15 @@ void SceneView::Parts::BuildPoints() {
 void SceneView::Parts::PlaceBar(vtkRenderer* of) const {
   auto* bar = static_cast<vtkScalarBarActor*>(points_bar.Get());
   if (bar == nullptr) return;
-  const double title = kBarCharacter_text * static_cast<double>(TitleOf(points_by, by_rank, unit).size());
-  const double wide = std::max(title, kBarColours_text + kBarNumbers_text);
+  const double wide = kBarColours_text + kBarNumbers_text;
   const double width = std::min(0.5, wide * style.text_px / std::max(1, of->GetSize()[0]));
   bar->SetTextPositionToPrecedeScalarBar();
   bar->SetBarRatio(kBarColours_text / wide);
   bar->SetWidth(width);
-  bar->SetHeight(std::min(kBarShare, kBarHeight_text * style.text_px / std::max(1, of->GetSize()[1])));
-  bar->SetPosition(0.985 - width, 0.04);
+  const double height = std::min(kBarShare, kBarHeight_text * style.text_px / std::max(1, of->GetSize()[1]));
+  bar->SetHeight(height);
+  bar->SetPosition(kBarRight - width, kBarBottom);
+  bar_title->SetPosition(kBarRight, kBarBottom + height);
 }
 
 void SceneView::Parts::ChoosePoints() {
@@ -222,7 +229,7 @@ void SceneView::Parts::ColourPoints() {
   point_colours = Viridis(lowest, highest);
   DrawColoured(all_points, scalars);
   bar->SetLookupTable(point_colours);
-  bar->SetTitle(TitleOf(points_by, by_rank, unit).c_str());
+  bar_title->SetInput(TitleOf(points_by, by_rank, unit).c_str());
 }
 
 // Values of the points, not of the cells they are drawn as: a vertex carries its colour, where a cell's must be looked

@@ -49,6 +49,7 @@ struct SceneView::Parts {
   std::vector<std::pair<std::string, vtkSmartPointer<vtkTextActor>>> legend;  // by layer
   vtkSmartPointer<vtkActor> points;
   vtkSmartPointer<vtkProp> points_bar;
+  vtkSmartPointer<vtkTextActor> bar_title;
   vtkSmartPointer<vtkPolyDataMapper> all_points, few_points;  // few: made when they are first asked for
   int few = 0;
   vtkSmartPointer<vtkLookupTable> point_colours;

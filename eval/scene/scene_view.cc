@@ -187,7 +187,8 @@ void SceneView::Parts::ShowLayer(const std::string& layer) {
   // A single translucent thing costs three pictures of the window's size and their sum.
   const bool drawn = visible[layer] && !(moving && layer.ends_with("ellipsoids"));
   for (const auto& prop : layers[layer]) {
-    const bool no_bar = prop == points_bar && points_by == PointColour::kPicture;  // it has no scale
+    const bool is_bar = prop == points_bar || prop == bar_title;
+    const bool no_bar = is_bar && points_by == PointColour::kPicture;  // it has no scale
     prop->SetVisibility(drawn && !no_bar && !IsOfHiddenRun(prop));
   }
 }
