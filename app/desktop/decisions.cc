@@ -28,7 +28,38 @@ QString Words(const ReviewEntry& entry) {
   return (entry.action == "exclude" ? Decisions::tr("exclude %1") : Decisions::tr("restore %1")).arg(object);
 }
 
+// Why an object is left out: what the last decision about it in force says.
+QString ReasonOf(const Snapshot& snapshot, const std::string& object) {
+  const auto& entries = snapshot.project->review().entries();
+  const auto found = std::find_if(entries.rbegin(), entries.rend(), [&](const ReviewEntry& entry) {
+    return entry.in_force && entry.action == "exclude" && entry.object == object;
+  });
+  return found == entries.rend() ? QString() : QString::fromStdString(found->reason);
+}
+
 }  // namespace
+
+QString ExclusionText(const Workspace& workspace, const std::string& object, bool others) {
+  const auto& snapshot = workspace.snapshot();
+  if (!snapshot) return {};
+  QStringList parts;
+  const auto add = [&](const std::string& of) {
+    if (snapshot->excluded.count(of) == 0) return;
+    const QString text = Decisions::tr("excluded by the review: %1").arg(ReasonOf(*snapshot, of));
+    parts << (of == object ? text : QString::fromStdString(of) + " " + text);
+  };
+  add(object);
+  if (others) {
+    for (const std::string& of : snapshot->Related(object)) {
+      if (of != object) add(of);
+    }
+  }
+  if (parts.isEmpty()) return {};
+  const auto& results = workspace.results();
+  const bool older =
+      std::any_of(results.begin(), results.end(), [](const SnapshotResult& r) { return r.state == "out of date"; });
+  return parts.join("; ") + (older ? Decisions::tr("; solve again to see its effect") : QString());
+}
 
 Decisions::Decisions(Workspace* workspace, QObject* parent) : QObject(parent), workspace_(workspace) {
   connect(workspace_, &Workspace::Replaced, this, [this] { undone_.clear(); });

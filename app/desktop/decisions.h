@@ -14,6 +14,10 @@ class QMenu;
 
 namespace trigpoint {
 
+// That the review leaves an object out, and why, for where its numbers are shown; empty: it does not. `others`: also
+// what belongs to it, each with its name. Numbers that are shown are of before as long as a result is out of date.
+QString ExclusionText(const Workspace& workspace, const std::string& object, bool others);
+
 class Decisions : public QObject {
   Q_OBJECT
 

@@ -7,6 +7,8 @@
 #include <tuple>
 
 #include "calib/base/counted.h"
+#include "datasets/io/exif.h"
+#include "datasets/io/photo_sets.h"
 #include "datasets/project/look.h"
 #include "datasets/project/stage.h"
 #include "eval/report/chapters.h"
@@ -21,11 +23,13 @@ constexpr double kPlanScale = 2.5;  // pixels a unit of the drawing
 void FillMatrix(const ReportData& data, const VerdictErrors& best, Overview* overview) {
   overview->comparison = best.Words();
   std::set<std::string> stations, runs;
+  std::map<std::string, std::set<std::string>> panoramas;
   for (const VariantData& variant : data.variants) {
     for (const ErrorRecord& e : variant.errors) {
       if (!best.Holds(e)) continue;
       overview->matrix.push_back(e);
       stations.insert(e.station);
+      panoramas[e.station].insert(e.panorama);
       runs.insert(e.run);
     }
   }
@@ -34,6 +38,13 @@ void FillMatrix(const ReportData& data, const VerdictErrors& best, Overview* ove
     if (stations.erase(station) > 0) overview->stations.push_back(station);
   }
   overview->stations.insert(overview->stations.end(), stations.begin(), stations.end());
+  const PlaceNames& places = overview->places;
+  for (const std::string& station : overview->stations) {
+    for (const std::string& panorama : panoramas[station]) {
+      overview->rows.push_back({station, panorama, places.Name(station, panorama),
+                                places.HasSeveral(station) ? "panorama:" + panorama : "station:" + station});
+    }
+  }
 }
 
 void FillAnswers(const ReportData& data, Overview* overview) {
@@ -54,6 +65,9 @@ void FillVerdict(const ReportInput& input, const ReportData& data, const Display
   ChapterContext context{input, data, unit, {}, {}};
   context.alone = true;
   for (const std::string& station : data.stations) context.station_anchor[station] = "station:" + station;
+  for (const auto& [station, panoramas] : overview->places.Several()) {
+    for (const std::string& panorama : panoramas) context.station_anchor[panorama] = "panorama:" + panorama;
+  }
   std::vector<Block> blocks;
   AddVerdict(context, std::nullopt, &blocks);
   const auto check = At(data.survey, {"check", "rmse_3d_m"});
@@ -71,6 +85,24 @@ void FillVerdict(const ReportInput& input, const ReportData& data, const Display
     const bool title = heading != nullptr && heading->level == 2;
     if (title || std::holds_alternative<Columns>(block) || std::holds_alternative<Figure>(block)) continue;
     overview->verdict.push_back(std::move(block));
+  }
+}
+
+// What `init` would find. Sets that nothing places in the site are no references of it, but can be stitched.
+void FillFound(const Snapshot& snapshot, Overview* overview) {
+  InitReport look = LookAt(snapshot.dir);
+  overview->found = std::move(look.found);
+  overview->missing = std::move(look.missing);
+  for (const std::filesystem::path& set : PhotoSetFolders(snapshot.dir)) {
+    const std::string name = set.filename().string();
+    const bool counted = std::any_of(snapshot.references.begin(), snapshot.references.end(),
+                                     [&](const SnapshotReference& r) { return r.name == name; });
+    const std::vector<std::filesystem::path> photos = PicturesIn(set);
+    if (counted || photos.empty()) continue;
+    std::string text = Counted(photos.size(), "photo") + " of the set " + name + ", to be stitched: ";
+    text += photos.front().filename().string();
+    if (photos.size() > 1) text += " to " + photos.back().filename().string();
+    overview->found.push_back(std::move(text));
   }
 }
 
@@ -175,11 +207,8 @@ Overview LoadOverview(const Snapshot& snapshot, const std::vector<SnapshotResult
   const ReportInput input = ReportInputOf(snapshot, results, false);
   ProgressSink progress;
   const ReportData data = ReadReportData(input, progress, {});
-  if (!overview.has_project_file) {
-    InitReport look = LookAt(snapshot.dir);
-    overview.found = std::move(look.found);
-    overview.missing = std::move(look.missing);
-  }
+  overview.places = PlaceNames(data);
+  if (!overview.has_project_file) FillFound(snapshot, &overview);
   FillVerdict(input, data, unit, &overview);
   const ProjectVerdict verdict = MakeVerdict(input, data);
   FillWarnings(input, data, verdict, unit, &overview);
@@ -220,7 +249,6 @@ NextStep NextOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& res
     next.kind = NextStep::Kind::kCreate;
     return next;
   }
-  if (snapshot.runs.empty() && snapshot.references.empty()) return next;
   for (const SnapshotResult& result : results) {
     if (result.state.empty()) next.kind = NextStep::Kind::kChecking;
     if (result.state != "running") continue;
@@ -229,13 +257,16 @@ NextStep NextOf(const Snapshot& snapshot, const std::vector<SnapshotResult>& res
     return next;
   }
   if (next.kind == NextStep::Kind::kChecking) return next;
-  for (const SnapshotResult& result : results) {
-    const bool failed = result.state == "failed";
-    if (!failed && result.state != "missing" && result.state != "out of date") continue;
-    if (next.results == 0) next.title = result.title;
-    ++next.results;
-    next.failed += failed ? 1 : 0;
-    if (failed && next.reason.empty()) next.reason = result.title + ": " + result.reason;
+  for (const bool stitched : {true, false}) {  // sets of photos are stitched first
+    for (const SnapshotResult& result : results) {
+      const bool failed = result.state == "failed";
+      if ((result.stage == "stitch") != stitched) continue;
+      if (!failed && result.state != "missing" && result.state != "out of date") continue;
+      if (next.results == 0) next.title = result.title;
+      ++next.results;
+      next.failed += failed ? 1 : 0;
+      if (failed && next.reason.empty()) next.reason = result.title + ": " + result.reason;
+    }
   }
   if (next.results > 0) {
     next.kind = NextStep::Kind::kRun;

@@ -8,6 +8,7 @@
 
 #include "app/desktop/charts.h"
 #include "app/desktop/snapshot.h"
+#include "eval/report/chapter_verdict.h"
 #include "eval/report/document.h"
 #include "eval/report/plan.h"
 #include "eval/report/report_data.h"
@@ -26,6 +27,13 @@ struct OverviewAnswer {
   std::optional<double> sigma_m;  // stated, of the largest axis
 };
 
+// Of the matrix of errors: a panorama at a station.
+struct OverviewRow {
+  std::string station, panorama;
+  std::string title;   // the station; of one with several panoramas the panorama's file too
+  std::string object;  // that it selects: the panorama where the title names it
+};
+
 struct Overview {
   bool has_project_file = false;
   std::vector<std::string> found, missing;  // of a folder without trigpoint.yaml
@@ -33,6 +41,8 @@ struct Overview {
   std::vector<Block> verdict;               // facts, paragraphs and headings; a station's anchor is its object
   std::string comparison;                   // what the matrix is of; empty: nothing is evaluated
   std::vector<std::string> stations, runs;  // of the matrix
+  std::vector<OverviewRow> rows;            // of the matrix
+  PlaceNames places;                        // where a station has several panoramas
   std::vector<ErrorRecord> matrix;          // its errors
   std::vector<ErrorRecord> errors;          // of all sets of results
   std::vector<OverviewAnswer> answers;      // of all sets of results, whether there is a reference or not

@@ -19,9 +19,11 @@
 #include <QVBoxLayout>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "app/desktop/background.h"
 #include "app/desktop/charts_desk.h"
+#include "app/desktop/decisions.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/overview.h"
@@ -156,6 +158,16 @@ void OverviewDesk::resizeEvent(QResizeEvent* event) {
   if (way == split_->orientation()) return;
   split_->setOrientation(way);
   split_->setSizes({1000, 1000});
+}
+
+void OverviewDesk::changeEvent(QEvent* event) {
+  QWidget::changeEvent(event);
+  if (event->type() != QEvent::PaletteChange || std::exchange(recolouring_, true)) return;
+  // Style sheets keep the colours of before. Later: Qt is still telling the widgets that Show replaces.
+  QTimer::singleShot(0, this, [this] {
+    Show();
+    recolouring_ = false;
+  });
 }
 
 void OverviewDesk::Load() {
@@ -341,8 +353,6 @@ QString OverviewDesk::SigmaText(double sigma_m) const {
 QTableWidgetItem* OverviewDesk::MatrixItem(const ErrorRecord& e) const {
   const double metres = workspace_->metres_per_unit();
   auto* item = new QTableWidgetItem;
-  item->setData(Qt::UserRole, e.error_3d_m.value_or(-1));
-  item->setData(Qt::UserRole + 1, Text("station:" + e.station));
   item->setTextAlignment(Qt::AlignCenter);
   item->setToolTip(QString("%1, %2, %3: %4").arg(Text(e.run), Text(e.station), Text(e.panorama), Text(e.status)) +
                    (e.reason.empty() ? "" : "\n" + Text(e.reason)));
@@ -380,9 +390,39 @@ QTableWidgetItem* OverviewDesk::AnswerItem(const OverviewAnswer& answer) const {
 
 bool OverviewDesk::HasReference() const { return !overview_->matrix.empty(); }
 
+int OverviewDesk::Rows() const {
+  return static_cast<int>(HasReference() ? overview_->rows.size() : overview_->panoramas.size());
+}
+
+QString OverviewDesk::RowTitle(int row) const {
+  const auto at = static_cast<size_t>(row);
+  return Text(HasReference() ? overview_->rows[at].title : overview_->panoramas[at]);
+}
+
 QString OverviewDesk::RowObject(int row) const {
   const auto at = static_cast<size_t>(row);
-  return Text(HasReference() ? "station:" + overview_->stations[at] : "panorama:" + overview_->panoramas[at]);
+  return Text(HasReference() ? overview_->rows[at].object : "panorama:" + overview_->panoramas[at]);
+}
+
+// Of the panorama, or else of its station.
+QString OverviewDesk::RowExclusion(int row) const {
+  const auto at = static_cast<size_t>(row);
+  const QString of = ExclusionText(
+      *workspace_, "panorama:" + (HasReference() ? overview_->rows[at].panorama : overview_->panoramas[at]), false);
+  return of.isEmpty() && HasReference() ? ExclusionText(*workspace_, "station:" + overview_->rows[at].station, false)
+                                        : of;
+}
+
+void OverviewDesk::ShowRowHeader() {
+  for (int row = 0; row < Rows(); ++row) {
+    const QString title = RowTitle(row), excluded = RowExclusion(row);
+    auto* item = new QTableWidgetItem(excluded.isEmpty() ? title : tr("%1 (excluded)").arg(title));
+    if (!excluded.isEmpty()) item->setToolTip(title + ": " + excluded);
+    matrix_->setVerticalHeaderItem(row, item);
+    for (int column = 0; column < matrix_->columnCount() && !excluded.isEmpty(); ++column) {
+      if (QTableWidgetItem* cell = matrix_->item(row, column)) cell->setToolTip(cell->toolTip() + "\n" + excluded);
+    }
+  }
 }
 
 void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
@@ -394,8 +434,7 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
                      : tr("<b>Answers</b>, without a reference to compare them with. Below each the 1 sigma that it "
                           "states, of its largest axis (%1), or why there is none.")
                            .arg(unit)));
-  const std::vector<std::string>& rows = HasReference() ? overview_->stations : overview_->panoramas;
-  matrix_ = new QTableWidget(static_cast<int>(rows.size()), static_cast<int>(overview_->runs.size()));
+  matrix_ = new QTableWidget(Rows(), static_cast<int>(overview_->runs.size()));
   matrix_->setObjectName("overview.matrix");
   matrix_->setAccessibleName(HasReference() ? tr("Errors by station and run") : tr("Answers by panorama and run"));
   matrix_->setEditTriggers(QAbstractItemView::NoEditTriggers);
@@ -403,10 +442,8 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
   QStringList names;
   for (const std::string& run : overview_->runs) names << Text(run);
   matrix_->setHorizontalHeaderLabels(names);
-  names.clear();
-  for (const std::string& row : rows) names << Text(row);
-  matrix_->setVerticalHeaderLabels(names);
   FillMatrix();
+  ShowRowHeader();
   matrix_->resizeColumnsToContents();
   matrix_->resizeRowsToContents();
   const int height = matrix_->verticalHeader()->length() + matrix_->horizontalHeader()->sizeHint().height() + 4;
@@ -428,10 +465,14 @@ void OverviewDesk::FillMatrix() {
     return static_cast<int>(std::find(all.begin(), all.end(), name) - all.begin());
   };
   for (const ErrorRecord& e : overview_->matrix) {
-    const int row = index(overview_->stations, e.station), at = index(overview_->runs, e.run);
-    const QTableWidgetItem* before = matrix_->item(row, at);
-    const bool worse = before == nullptr || before->data(Qt::UserRole).toDouble() < e.error_3d_m.value_or(-1);
-    if (worse) matrix_->setItem(row, at, MatrixItem(e));  // of several panoramas the largest
+    const auto& rows = overview_->rows;
+    const auto found = std::find_if(rows.begin(), rows.end(), [&](const OverviewRow& r) {
+      return r.station == e.station && r.panorama == e.panorama;
+    });
+    const int row = static_cast<int>(found - rows.begin());
+    QTableWidgetItem* item = MatrixItem(e);
+    item->setData(Qt::UserRole + 1, RowObject(row));
+    matrix_->setItem(row, index(overview_->runs, e.run), item);
   }
   if (HasReference()) return;
   for (const OverviewAnswer& a : overview_->answers) {
@@ -467,7 +508,7 @@ void OverviewDesk::ShowWarnings(QVBoxLayout* column) {
 
 void OverviewDesk::ShowPlan() {
   const PaintedDrawing plan = overview_ ? overview_->plan : PaintedDrawing();
-  ShowDrawing(plan_, plan, plan.png.empty() ? tr("Nothing to draw yet: run localize.") : tr("plan"));
+  ShowDrawing(plan_, plan, plan.png.empty() ? tr("Nothing to draw yet.") : tr("plan"));
   if (overview_) plan_->setToolTip(Text(overview_->plan_caption));
 }
 
@@ -494,7 +535,9 @@ void OverviewDesk::ShowNext() {
     case NextStep::Kind::kRunning: text = tr("Running: %1").arg(Text(next.title)); break;
     case NextStep::Kind::kRun:
       text = next.failed > 0 ? tr("Failed results: %1. %2").arg(next.failed).arg(Text(next.reason))
-                             : tr("Missing or out of date: %1, %2 first.").arg(next.results).arg(Text(next.title));
+             : next.results == 1
+                 ? tr("One result is missing or out of date: %1.").arg(Text(next.title))
+                 : tr("%1 results are missing or out of date; %2 is first.").arg(next.results).arg(Text(next.title));
       button = next.failed > 0 ? tr("&Run again what failed") : tr("&Run what is out of date");
       anchor = "do:run";
       break;
@@ -516,16 +559,21 @@ void OverviewDesk::ShowSelected() {
   const QString object =
       Text(StationShown(overview_.get(), workspace_->related(), workspace_->selected().toStdString()));
   if (matrix_ == nullptr) return;
+  const QString selected = workspace_->selected();
   const auto is_shown = [&](int row) {
-    const QString of = RowObject(row);
-    return HasReference() ? of == object : workspace_->related().count(of.toStdString()) > 0;
+    if (!HasReference()) return workspace_->related().count(RowObject(row).toStdString()) > 0;
+    return Text("station:" + overview_->rows[static_cast<size_t>(row)].station) == object;
   };
-  if (matrix_->currentRow() >= 0 && is_shown(matrix_->currentRow())) return;
+  int best = -1;  // the object itself, else the first that belongs to it
+  for (int row = 0; row < matrix_->rowCount(); ++row) {
+    if (is_shown(row) && (best < 0 || (RowObject(row) == selected && RowObject(best) != selected))) best = row;
+  }
+  const int current = matrix_->currentRow();
+  const bool exact = best >= 0 && RowObject(best) == selected;
+  if (current >= 0 && is_shown(current) && (!exact || current == best)) return;
   showing_ = true;
   matrix_->setCurrentItem(nullptr);
-  for (int row = 0; row < matrix_->rowCount(); ++row) {
-    if (is_shown(row)) matrix_->setCurrentCell(row, 0);
-  }
+  if (best >= 0) matrix_->setCurrentCell(best, 0);
   showing_ = false;
 }
 

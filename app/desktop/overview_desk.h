@@ -43,6 +43,7 @@ class OverviewDesk : public QWidget {
 
  protected:
   void resizeEvent(QResizeEvent* event) override;
+  void changeEvent(QEvent* event) override;
 
  private:
   // Where one reads, and where the keyboard is, within what is scrolled.
@@ -65,8 +66,12 @@ class OverviewDesk : public QWidget {
   static QString StatusText(const std::string& status);
   QString Elided(const QString& reason) const;
   QString SigmaText(double sigma_m) const;
-  bool HasReference() const;         // the matrix is of errors at stations; else of panoramas' answers
+  bool HasReference() const;  // the matrix is of errors at stations; else of panoramas' answers
+  int Rows() const;           // of the matrix
+  QString RowTitle(int row) const;
   QString RowObject(int row) const;  // that a row of the matrix is about
+  QString RowExclusion(int row) const;
+  void ShowRowHeader();
   void ShowFolder(QVBoxLayout* column);
   void ShowWarnings(QVBoxLayout* column);
   QString WarningsText(size_t most) const;
@@ -88,6 +93,7 @@ class OverviewDesk : public QWidget {
   PictureView* plan_;
   QTableWidget* matrix_ = nullptr;  // of what is shown now
   bool showing_ = false;
+  bool recolouring_ = false;
   int generation_ = 0;
 };
 

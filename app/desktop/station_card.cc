@@ -10,10 +10,12 @@
 #include <cmath>
 #include <tuple>
 
+#include "app/desktop/decisions.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/overview.h"
 #include "app/desktop/tolerance.h"
+#include "datasets/project/project.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {
@@ -134,10 +136,11 @@ void StationCard::ShowTitle() {
   for (const SnapshotStation& s : workspace_->snapshot()->stations) {
     if (object_ == Text("station:" + s.name) && s.tag_id >= 0) tag = tr(", tag %1").arg(s.tag_id);
   }
+  const QString excluded = ExclusionText(*workspace_, object_.toStdString(), true);
   title_->setText("<b>" +
                   (object_.startsWith("station:") ? tr("Station %1%2") : tr("Panorama %1%2"))
                       .arg(object_.section(':', 1).toHtmlEscaped(), tag) +
-                  "</b>");
+                  "</b>" + (excluded.isEmpty() ? "" : "<br>" + excluded.toHtmlEscaped()));
 }
 
 void StationCard::ShowHeader() {
@@ -167,7 +170,7 @@ void StationCard::ShowErrors() {
   }
   views_->setVisible(views);
   // As the overview compares first: absolute before relative, final answers before views.
-  const auto key = [](const ErrorRecord* e) { return std::tuple(e->method == "g1", Group(*e), e->run, e->panorama); };
+  const auto key = [](const ErrorRecord* e) { return std::tuple(e->method == "g1", Group(*e), e->panorama, e->run); };
   std::stable_sort(rows.begin(), rows.end(), [&](const auto* a, const auto* b) { return key(a) < key(b); });
   for (auto begin = rows.begin(); begin != rows.end();) {
     const auto end = std::find_if(begin, rows.end(), [&](const auto* e) { return Group(*e) != Group(**begin); });
@@ -177,8 +180,16 @@ void StationCard::ShowErrors() {
 }
 
 void StationCard::ShowAnswers() {
+  std::vector<const OverviewAnswer*> rows;
   for (const OverviewAnswer& a : overview_->answers) {
-    if (!IsShown(a.station, a.panorama) || Text(a.variant) != variant_) continue;
+    if (IsShown(a.station, a.panorama) && Text(a.variant) == variant_) rows.push_back(&a);
+  }
+  std::stable_sort(rows.begin(), rows.end(), [](const auto* a, const auto* b) { return a->panorama < b->panorama; });
+  const OverviewAnswer* before = nullptr;
+  for (const OverviewAnswer* answer : rows) {
+    const OverviewAnswer& a = *answer;
+    if (NamesPanoramas() && (before == nullptr || before->panorama != a.panorama)) AddPanorama(a.panorama);
+    before = answer;
     const int row = table_->rowCount();
     table_->insertRow(row);
     Put(row, 0, Text(a.run), Text(a.panorama));
@@ -189,6 +200,30 @@ void StationCard::ShowAnswers() {
     if (!a.reason.empty()) text += ": " + Text(a.reason);
     PutAcross(row, 1, text, text);
   }
+}
+
+bool StationCard::HasGroundTruth() const {
+  const Site& site = workspace_->snapshot()->project->site();
+  return !site.stations.empty() && (site.tags.Given() || !site.control_points.empty());
+}
+
+bool StationCard::NamesPanoramas() const {
+  return object_.startsWith("station:") && overview_->places.HasSeveral(object_.section(':', 1).toStdString());
+}
+
+// A row of its own: beside the run's name it would make the first column wide.
+void StationCard::AddPanorama(const std::string& panorama) {
+  const int row = table_->rowCount();
+  table_->insertRow(row);
+  const std::string name = overview_->places.PanoramaName(object_.section(':', 1).toStdString(), panorama);
+  QTableWidgetItem* item = PutAcross(row, 0, Text(name), Text(panorama));
+  const QString excluded = ExclusionText(*workspace_, "panorama:" + panorama, false);
+  if (!excluded.isEmpty()) item->setToolTip(item->toolTip() + "\n" + excluded);
+  QFont italic = table_->font();
+  italic.setItalic(true);
+  item->setFont(italic);
+  item->setFlags(Qt::ItemIsEnabled);
+  item->setData(Qt::UserRole, Text("panorama:" + panorama));
 }
 
 QString StationCard::Note(bool errors, bool answers) const {
@@ -206,6 +241,10 @@ QString StationCard::Note(bool errors, bool answers) const {
     return r.stage == "evaluate" && (r.state == "done" || r.state == "out of date");
   });
   if (!answers) return which + tr("No run answers it: run localize.");
+  if (!evaluated && !HasGroundTruth()) {
+    return which + tr("Its answers are not compared: ground truth is missing (stations.csv, and tags.yaml or "
+                      "control_points.csv).");
+  }
   return which + (evaluated ? tr("There is no reference to compare its answers with.")
                             : tr("Its answers are not compared yet: run evaluate."));
 }
@@ -241,7 +280,12 @@ void StationCard::AddTitle(const QString& text, const QString& below) {
 void StationCard::AddGroup(const std::vector<const ErrorRecord*>& rows) {
   const ErrorRecord& first = *rows.front();
   AddTitle(Text(first.kind + ", " + MethodName(first.method)), Text("against " + ReferenceName(first.reference)));
-  for (const ErrorRecord* e : rows) AddRow(*e);
+  const ErrorRecord* before = nullptr;
+  for (const ErrorRecord* e : rows) {
+    if (NamesPanoramas() && (before == nullptr || before->panorama != e->panorama)) AddPanorama(e->panorama);
+    before = e;
+    AddRow(*e);
+  }
 }
 
 void StationCard::AddRow(const ErrorRecord& e) {

@@ -38,7 +38,11 @@ class StationCard : public QWidget {
   void ShowTitle();
   void ShowHeader();
   void ShowErrors();
-  void ShowAnswers();  // of a panorama that nothing is compared with
+  void ShowAnswers();           // of a panorama that nothing is compared with
+  bool HasGroundTruth() const;  // that the project's answers can be compared with
+  // Whether the rows of what is shown name the panorama that they are of.
+  bool NamesPanoramas() const;
+  void AddPanorama(const std::string& panorama);
   QString Note(bool errors, bool answers) const;
   bool IsShown(const std::string& station, const std::string& panorama) const;
   QTableWidgetItem* Put(int row, int column, const QString& text, const QString& help);

@@ -1,4 +1,6 @@
 // The first screen.
+#include "eval/report/chapter_verdict.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -6,6 +8,7 @@
 #include <set>
 
 #include "calib/base/counted.h"
+#include "datasets/io/photo_sets.h"
 #include "eval/report/chapters.h"
 #include "eval/report/charts.h"
 #include "eval/report/verdict.h"
@@ -22,7 +25,7 @@ constexpr size_t kThings = 3;         // that went worst
 class VerdictChapter {
  public:
   VerdictChapter(const ChapterContext& c, std::vector<Block>* blocks)
-      : c_(c), blocks_(*blocks), verdict_(MakeVerdict(c.input, c.data)) {}
+      : c_(c), blocks_(*blocks), verdict_(MakeVerdict(c.input, c.data)), places_(c.data) {}
 
   void Add(std::optional<Figure> plan) {
     blocks_.push_back(Heading{2, "Verdict", "summary"});
@@ -47,17 +50,31 @@ class VerdictChapter {
  private:
   const Site& site() const { return c_.input.project->site(); }
 
-  void About() {
-    if (c_.data.runs.empty()) {
-      const bool photos = site().runs.empty();
-      blocks_.push_back(Paragraph{
-          photos ? std::string("This project has photos but no run: there is nothing to localize.") +
-                       (c_.alone ? "" : " Its stitched panoramas are shown below.")
-                 : std::string("No run of this project is localized yet, so there are no answers to show.") +
-                       (c_.alone ? "" : " Provenance lists what was found and what failed.") + " Next: trigpoint run.",
-          photos ? Tone::kPlain : Tone::kWarning});
+  // Shown alone it stands below the one next step, which it must not contradict.
+  void WithoutRuns() {
+    const Site& s = site();
+    if (!s.runs.empty() || !s.broken_runs.empty()) {
+      blocks_.push_back(Paragraph{std::string("No run of this project is localized yet, so there are no answers to "
+                                              "show.") +
+                                      (c_.alone ? ""
+                                                : " Provenance lists what was found and what failed. Next: "
+                                                  "trigpoint run."),
+                                  Tone::kWarning});
       return;
     }
+    const bool stitched = !c_.data.stitched.empty(), sets = !PhotoSetFolders(s.dir).empty();
+    if (!stitched && !sets && s.references.empty()) {
+      blocks_.push_back(Paragraph{"There are neither photos nor runs, so there is nothing to localize."});
+      return;
+    }
+    std::string text = "There are photos but no run, so there is nothing to localize.";
+    if (!c_.alone && stitched) text += " Stitched panoramas are shown below.";
+    if (c_.alone && sets) text += " Sets of photos are stitched to panoramas.";
+    blocks_.push_back(Paragraph{text});
+  }
+
+  void About() {
+    if (c_.data.runs.empty()) return WithoutRuns();
     std::string text = Counted(verdict_.runs.size(), "run");
     if (verdict_.Images() > 0) text += " (" + Counted(verdict_.Images(), "image") + ")";
     if (verdict_.Asked() == 0) {
@@ -86,11 +103,11 @@ class VerdictChapter {
           (s.state != "out of date" && s.state != "failed")) {
         continue;
       }
-      blocks_.push_back(Paragraph{(gates ? "The table of gates" : "The evaluation") +
-                                      (s.name.empty() ? "" : " " + s.name) + " is " + s.state +
-                                      (s.reason.empty() ? "" : " (" + s.reason + ")") +
-                                      ": its numbers belong to earlier results. Next: trigpoint " + s.stage + ".",
-                                  Tone::kWarning});
+      blocks_.push_back(Paragraph{
+          (gates ? "The table of gates" : "The evaluation") + (s.name.empty() ? "" : " " + s.name) + " is " + s.state +
+              (s.reason.empty() ? "" : " (" + s.reason + ")") + ": its numbers belong to earlier results." +
+              (c_.alone ? "" : " Next: trigpoint " + s.stage + "."),
+          Tone::kWarning});
     }
   }
 
@@ -279,8 +296,10 @@ class VerdictChapter {
                   MatrixChart(rows, columns, matrix, {0.1, 0.25, 0.5, 1.0}, c_.unit.name)};
   }
 
-  std::string AnchorOf(const std::string& station) const {
-    const auto it = c_.station_anchor.find(station);
+  // The desktop also gives anchors of panoramas, where a station has several.
+  std::string AnchorOf(const std::string& station, const std::string& panorama) const {
+    auto it = c_.station_anchor.find(panorama);
+    if (it == c_.station_anchor.end()) it = c_.station_anchor.find(station);
     return it == c_.station_anchor.end() ? "" : it->second;
   }
 
@@ -295,9 +314,9 @@ class VerdictChapter {
         }
       }
       if (most != nullptr) {
-        things.push_back({"Largest error: " + most->run + " at " + most->station + ", " +
+        things.push_back({"Largest error: " + most->run + " at " + places_.Name(most->station, most->panorama) + ", " +
                               c_.LengthUnit(most->error_3d_m, 2) + " " + best->kind,
-                          Tone::kPlain, AnchorOf(most->station)});
+                          Tone::kPlain, AnchorOf(most->station, most->panorama)});
       }
     }
     if (!verdict_.geotags.empty()) {
@@ -305,7 +324,7 @@ class VerdictChapter {
       std::string text = "Outlying geotag: " + std::filesystem::path(g.panorama).filename().string() + ", " +
                          c_.LengthUnit(g.off_m, 2) + " " + g.direction + " from the answer";
       if (g.sigmas) text += fmt::format(" ({:.1f} sigma)", *g.sigmas);
-      things.push_back({text, Tone::kPlain, AnchorOf(g.station)});
+      things.push_back({text, Tone::kPlain, AnchorOf(g.station, g.panorama)});
     }
     for (const VerdictRun& run : verdict_.runs) {
       if (!run.georeferenced && things.size() < kThings)
@@ -316,10 +335,10 @@ class VerdictChapter {
     for (const char* status : {"rejected", "unmatched"}) {
       for (const VerdictRefusal& r : verdict_.refused) {
         if (r.status != status || things.size() >= kThings) continue;
-        const std::string place = r.station.empty() ? std::filesystem::path(r.panorama).filename().string() : r.station;
+        const std::string place = places_.Name(r.station, r.panorama);
         things.push_back({std::string(r.status == "rejected" ? "Refused: " : "Not matched: ") + r.run + " at " + place +
                               (r.reason.empty() ? "" : ", " + r.reason),
-                          Tone::kPlain, AnchorOf(r.station)});
+                          Tone::kPlain, AnchorOf(r.station, r.panorama)});
       }
     }
     if (things.empty()) return;
@@ -330,9 +349,46 @@ class VerdictChapter {
   const ChapterContext& c_;
   std::vector<Block>& blocks_;
   ProjectVerdict verdict_;
+  PlaceNames places_;
 };
 
 }  // namespace
+
+PlaceNames::PlaceNames(const ReportData& data) {
+  for (const VariantData& variant : data.variants) {
+    for (const ErrorRecord& e : variant.errors) panoramas_[e.station].insert(e.panorama);
+  }
+  for (const RunData& run : data.runs) {
+    for (const RunData::Answer& a : run.answers) panoramas_[a.station].insert(a.panorama);
+  }
+  panoramas_.erase("");
+}
+
+bool PlaceNames::HasSeveral(const std::string& station) const {
+  const auto it = panoramas_.find(station);
+  return it != panoramas_.end() && it->second.size() > 1;
+}
+
+std::map<std::string, std::set<std::string>> PlaceNames::Several() const {
+  auto several = panoramas_;
+  std::erase_if(several, [](const auto& of) { return of.second.size() < 2; });
+  return several;
+}
+
+std::string PlaceNames::PanoramaName(const std::string& station, const std::string& panorama) const {
+  const auto file = [](const std::string& name) { return std::filesystem::path(name).filename().string(); };
+  const auto it = panoramas_.find(station);
+  if (it == panoramas_.end()) return file(panorama);
+  const bool same = std::any_of(it->second.begin(), it->second.end(), [&](const std::string& other) {
+    return other != panorama && file(other) == file(panorama);
+  });
+  return same ? panorama : file(panorama);
+}
+
+std::string PlaceNames::Name(const std::string& station, const std::string& panorama) const {
+  if (station.empty()) return PanoramaName(station, panorama);
+  return HasSeveral(station) ? station + " " + PanoramaName(station, panorama) : station;
+}
 
 void AddVerdict(const ChapterContext& context, std::optional<Figure> plan, std::vector<Block>* blocks) {
   VerdictChapter(context, blocks).Add(std::move(plan));

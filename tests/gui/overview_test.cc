@@ -176,6 +176,26 @@ TEST_F(OverviewTest, AReloadKeepsThePlaceAndTheKeyboard) {
   EXPECT_EQ(Matrix()->currentRow(), 1);
 }
 
+TEST_F(OverviewTest, TakesTheColoursOfAnotherTheme) {
+  const auto lightness = [this] {
+    auto* tile = window_->overview()->findChild<QFrame*>("tile");
+    if (tile == nullptr) return -1;
+    const QImage image = tile->grab().toImage();
+    return image.pixelColor(image.width() - 3, image.height() - 3).lightness();
+  };
+  window_->SetTheme("light");
+  EXPECT_TRUE(WaitFor([&] { return lightness() > 160; })) << lightness();
+  window_->SetTheme("dark");
+  EXPECT_TRUE(WaitFor([&] { return lightness() >= 0 && lightness() < 90; })) << lightness();
+  Screenshot(window_.get(), "overview_dark");
+  window_->SetTheme("light");
+  EXPECT_TRUE(WaitFor([&] { return lightness() > 160; })) << lightness();
+  const QTableWidget* matrix = Matrix();
+  QTest::qWait(200);
+  EXPECT_EQ(Matrix(), matrix);  // made again once
+  window_->SetTheme("system");
+}
+
 TEST_F(OverviewTest, RecentProjectsThatAreGoneAreNotListed) {
   const QString gone = "/nonexistent/site";
   QSettings().setValue("recent", QStringList{gone, site_->path()});
@@ -241,7 +261,8 @@ TEST_F(OverviewTest, NextIsWhatStatusAdvises) {
   auto* next = Child<QPushButton>(window_.get(), "overview.next");
   ASSERT_TRUE(WaitFor([&] { return next->isVisible(); }));
   EXPECT_THAT(Child<QLabel>(window_.get(), "overview.next_text")->text().toStdString(),
-              HasSubstr("Missing or out of date"));
+              AllOf(HasSubstr(" results are missing or out of date; "), HasSubstr(" is first.")));
+  EXPECT_THAT(Words(), Not(HasSubstr("Next: trigpoint")));  // one next step
   window_->workspace()->Close();
   EXPECT_FALSE(next->isVisible());
   EXPECT_EQ(Matrix(), nullptr);
@@ -321,6 +342,50 @@ TEST(NextStepTest, NumbersOfEarlierResultsAreSaidToBe) {
   window->decisions()->Decide("exclude", "tag:1", "was moved");
   EXPECT_TRUE(WaitFor([&] { return words().contains("its numbers belong to earlier results"); }, 20000))
       << words().toStdString();
+  EXPECT_FALSE(words().contains("Next: trigpoint")) << words().toStdString();  // there is one next step, above
+  window->workspace()->Select("station:S1");
+  const auto* title = Child<QLabel>(window.get(), "card.title");
+  EXPECT_TRUE(WaitFor([&] {
+    return title->text().contains("tag:1 excluded by the review: was moved; solve again to see its effect");
+  })) << title->text().toStdString();
+}
+
+QString WordsOf(const MainWindow& window) {
+  QString all;
+  for (const auto* label : window.overview()->findChildren<QLabel*>()) all += label->text() + "\n";
+  return all;
+}
+
+TEST(NextStepTest, OfAFolderOfPhotosIsToStitchThem) {
+  QSettings().clear();
+  const QTemporaryDir site;
+  for (const char* name : {"/a.jpg", "/b.jpg", "/c.jpg"}) {
+    QImage photo(320, 240, QImage::Format_RGB32);
+    photo.fill(Qt::darkGreen);
+    ASSERT_TRUE(photo.save(site.path() + name));
+  }
+  const QString set = site.path().section('/', -1);
+  const auto window = OpenWindow(site.path());
+  ASSERT_TRUE(WaitFor([&] { return WordsOf(*window).contains("<b>Found</b>"); }));
+  EXPECT_THAT(WordsOf(*window).toStdString(),
+              AllOf(HasSubstr("3 photos of the set " + set.toStdString() + ", to be stitched: a.jpg to c.jpg"),
+                    HasSubstr("There are photos but no run")));
+  Screenshot(window.get(), "overview_photos");
+  Project::Init(site.path().toStdString());
+  window->workspace()->Reload();
+  const auto* text = Child<QLabel>(window.get(), "overview.next_text");
+  EXPECT_TRUE(WaitFor([&] {
+    return text->text() == "3 results are missing or out of date; stitch/" + set + " is first.";
+  })) << text->text().toStdString();
+  EXPECT_EQ(Child<QPushButton>(window.get(), "overview.next")->property("anchor").toString(), "do:run");
+}
+
+TEST(NextStepTest, AnEmptyFolderHasNoPhotos) {
+  QSettings().clear();
+  const QTemporaryDir site;
+  const auto window = OpenWindow(site.path());
+  ASSERT_TRUE(WaitFor([&] { return WordsOf(*window).contains("There are neither photos nor runs"); }));
+  EXPECT_FALSE(WordsOf(*window).contains("photos but no run"));
 }
 
 TEST(NextStepTest, WhatADecisionReplacedIsKept) {
@@ -492,6 +557,78 @@ TEST_F(TwoRunsTest, TheCardListsBothAndTheViewsOnRequest) {
   card->setCurrentCell(1, 0);
   QTest::keyClick(card, Qt::Key_Return);
   EXPECT_EQ(window_->desk(), "images");
+}
+
+TEST_F(TwoRunsTest, EachPanoramaOfAStationHasARow) {
+  const std::filesystem::path dir = site_.path().toStdString(), errors = dir / "results/evaluate/errors.csv";
+  QDir().mkpath(site_.path() + "/photos/station_001");
+  for (const char* name : {"/a.jpg", "/b.jpg"}) {
+    QImage photo(320, 240, QImage::Format_RGB32);
+    photo.fill(Qt::darkGreen);
+    ASSERT_TRUE(photo.save(site_.path() + "/photos/station_001" + name));
+  }
+  WriteFileAtomically(
+      errors, ReadTextFile(errors) +
+                  "run1,,single,S1,station_001,1,control,absolute,unmatched,nothing alike,,,,,,,,,,,,\n"
+                  "run2,,single,S1,station_001,1,control,absolute,localized,,0.4,0.4,0,0.4,0,0,,0.05,0.05,0.08,1,3\n");
+  Open();
+  ASSERT_EQ(Matrix()->rowCount(), 5);
+  const char* titles[] = {"S0", "S1 p001.jpg", "S1 station_001", "S2", "S3"};
+  for (int row = 0; row < 5; ++row) EXPECT_EQ(Matrix()->verticalHeaderItem(row)->text(), titles[row]);
+  EXPECT_THAT(Matrix()->item(1, 0)->text().toStdString(), StartsWith("0.020\n"));
+  EXPECT_THAT(Matrix()->item(1, 1)->text().toStdString(), StartsWith("refused\n"));
+  EXPECT_EQ(Matrix()->item(2, 0)->text(), "no match\nnothing alike");
+  EXPECT_THAT(Matrix()->item(2, 1)->text().toStdString(), StartsWith("0.400\n"));
+  QTest::mouseClick(Matrix()->viewport(), Qt::LeftButton, {}, Matrix()->visualItemRect(Matrix()->item(2, 0)).center());
+  EXPECT_EQ(window_->workspace()->selected(), "panorama:station_001");
+  EXPECT_EQ(Matrix()->currentRow(), 2);
+  window_->workspace()->Select("panorama:panoramas/p001.jpg");
+  EXPECT_EQ(Matrix()->currentRow(), 1);
+  bool found = false;  // what is to be looked at first names it
+  for (auto* label : window_->overview()->findChildren<QLabel*>()) {
+    if (!label->text().contains("Largest error: run2 at S1 station_001, 0.40 m absolute")) continue;
+    found = true;
+    emit label->linkActivated(label->text().section('"', 1, 1));
+    break;
+  }
+  EXPECT_TRUE(found);
+  EXPECT_EQ(window_->workspace()->selected(), "panorama:station_001");
+  EXPECT_EQ(Matrix()->currentRow(), 2);
+  // So does the card, without a wider column.
+  QTableWidget* card = Card();
+  const char* first[] = {"", "p001.jpg", "run1", "run2", "station_001", "run1", "run2"};
+  ASSERT_EQ(card->rowCount(), 7);
+  for (int row = 1; row < 7; ++row) EXPECT_EQ(card->item(row, 0)->text(), first[row]);
+  EXPECT_EQ(card->item(5, 1)->text(), "no match: nothing alike");
+  EXPECT_LT(card->columnWidth(0), 80);
+  Screenshot(window_.get(), "overview_several_panoramas");
+}
+
+TEST_F(TwoRunsTest, WhatTheReviewExcludesIsSaid) {
+  window_->workspace()->Select("station:S1");
+  window_->decisions()->Decide("exclude", "station:S1", "was moved");
+  ASSERT_TRUE(
+      WaitFor([&] { return Matrix() != nullptr && Matrix()->verticalHeaderItem(1)->text() == "S1 (excluded)"; }));
+  EXPECT_THAT(Matrix()->verticalHeaderItem(1)->toolTip().toStdString(),
+              HasSubstr("S1: excluded by the review: was moved"));
+  EXPECT_THAT(Matrix()->item(1, 0)->toolTip().toStdString(), HasSubstr("excluded by the review: was moved"));
+  EXPECT_EQ(Matrix()->verticalHeaderItem(2)->text(), "S2");
+  const auto* title = Child<QLabel>(window_.get(), "card.title");
+  EXPECT_THAT(title->text().toStdString(), HasSubstr("excluded by the review: was moved"));
+  window_->workspace()->Select("station:S2");
+  EXPECT_THAT(title->text().toStdString(), Not(HasSubstr("excluded")));
+}
+
+TEST_F(TwoRunsTest, TheCardSaysThatGroundTruthIsMissing) {
+  const std::filesystem::path dir = site_.path().toStdString();
+  for (const char* name : {"results/evaluate", "stations.csv", "tags.yaml", "control_points.csv"}) {
+    std::filesystem::remove_all(dir / name);
+  }
+  Open();
+  window_->workspace()->Select("panorama:panoramas/p001.jpg");
+  ASSERT_GT(Card()->rowCount(), 0);
+  EXPECT_THAT(Child<QLabel>(window_.get(), "card.note")->text().toStdString(),
+              AllOf(HasSubstr("ground truth is missing (stations.csv"), Not(HasSubstr("run evaluate"))));
 }
 
 TEST_F(TwoRunsTest, WarningsAreThoseOfTheResultsAndOfAllOutlyingGeotags) {

@@ -196,6 +196,16 @@ TEST_F(ReportTest, ShowsAStitchedPanorama) {
   EXPECT_TRUE(fs::exists(site_ / "out/figures/stitched_1.png"));
 }
 
+TEST_F(ReportTest, NamesThePanoramaWhereAStationHasSeveral) {
+  WriteResults();
+  const char* file = "results/localize/run1/panoramas.csv";
+  site_.Write(file, site_.Read(file) + "set_1,S1,unmatched,nothing alike,,,,,,,,,,,0,0,0,,,,,,,,,,,,,,,,,unused\n");
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("Not matched: run1 at S1 set_1, nothing alike"));
+  EXPECT_THAT(html, HasSubstr("Largest error: run1 at S1 p1.jpg"));
+  EXPECT_THAT(html, HasSubstr("Refused: run1 at S2, too"));
+}
+
 TEST_F(ReportTest, TheSameResultsGiveTheSameBytes) {
   WriteResults();
   ReportOptions options;
