@@ -347,6 +347,7 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
         if (cells[c].startsWith(folder)) item->setText(cells[c].mid(folder.size()));
       }
       item->setData(Qt::UserRole, QString::fromStdString("station:" + row.station));
+      item->setData(kRunRole, QString::fromStdString(row.run));
       errors_->setItem(r, c, item);
     }
   }

@@ -271,7 +271,8 @@ void ImagesDesk::ShowSelected() {
   const bool in_image = object.startsWith("detection:") || object.startsWith("image:");
   if (in_image) ShowObject(object);
   for (const std::string& related : workspace_->related()) {
-    if (related.starts_with("panorama:")) ShowObject(QString::fromStdString(related));
+    const bool other = object.startsWith("panorama:") && object.toStdString() != related;  // of the same station
+    if (related.starts_with("panorama:") && !other) ShowObject(QString::fromStdString(related));
   }
   behind_ = !isVisible();
   if (in_image || behind_ || Highlighted().startsWith("detection:")) return;
@@ -498,7 +499,11 @@ void ImagesDesk::ShowTag(int tag_id) {
           status_->setText(tr("Tag %1 was detected in no image.").arg(tag_id));
           return;
         }
-        ShowObject(QString::fromStdString("detection:" + images.value.front().image + "#" + std::to_string(tag_id)));
+        auto shown = std::find_if(images.value.begin(), images.value.end(), [this](const TagImage& seen) {
+          return !workspace_->run().isEmpty() && seen.image.starts_with(workspace_->run().toStdString() + "/");
+        });
+        if (shown == images.value.end()) shown = images.value.begin();
+        ShowObject(QString::fromStdString("detection:" + shown->image + "#" + std::to_string(tag_id)));
       });
 }
 

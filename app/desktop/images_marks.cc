@@ -119,6 +119,7 @@ void ImagesDesk::WriteNextMarks() {
           emit MarksChanged();
         }
         if (!changes_.empty()) return WriteNextMarks();
+        workspace_->CheckStates();
         ShowMarks();  // as the file has them: what was not written is taken back
       });
 }

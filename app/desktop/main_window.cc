@@ -388,7 +388,12 @@ void MainWindow::MakeRunMenu() {
   QMenu* run = menuBar()->addMenu(tr("&Run"));
   run->addAction(IconNamed("run"), tr("Run all that is &out of date"), this, &MainWindow::RunAll,
                  QKeySequence(tr("Ctrl+R")));
-  run->addAction(IconNamed("cancel"), tr("&Cancel"), jobs_, &JobController::Cancel, QKeySequence(tr("Ctrl+.")));
+  QAction* cancel =
+      run->addAction(IconNamed("cancel"), tr("&Cancel"), jobs_, &JobController::Cancel, QKeySequence(tr("Ctrl+.")));
+  const auto enable = [this, cancel] { cancel->setEnabled(jobs_->running()); };
+  enable();
+  connect(jobs_, &JobController::Started, cancel, enable);
+  connect(jobs_, &JobController::Finished, cancel, enable);
   run->addAction(
       tr("Re-&solve after a review"), this,
       [this] {

@@ -1,5 +1,6 @@
-// Tables whose rows are about objects (Qt::UserRole of their cells): a row selects its object on every desk, what is
-// selected elsewhere is selected here, a right click asks for the object's menu.
+// Tables whose rows are about objects (Qt::UserRole of their cells; kRunRole: their run, if they are of one): a row
+// selects its object on every desk, what is selected elsewhere is selected here, a right click asks for the object's
+// menu.
 #pragma once
 
 #include <QAbstractItemView>
@@ -38,21 +39,28 @@ inline void AskMenuOn(QAbstractItemView* view, Workspace* workspace, int role, c
   });
 }
 
+constexpr int kRunRole = Qt::UserRole + 10;
+
 // The rows of what is selected; scrolls to the first. Nothing is selected by it.
 inline void ShowSelectedRows(QTableWidget* table, const Workspace& workspace) {
-  const auto object_of = [table](int row) {
+  const auto data_of = [table](int row, int role) {
     const QTableWidgetItem* item = table->item(row, 0);
-    return item == nullptr ? QString() : item->data(Qt::UserRole).toString();
+    return item == nullptr ? QString() : item->data(role).toString();
+  };
+  // How well a row fits: 0 not at all; what is selected before what belongs to it, of the run it was chosen of.
+  const auto fit = [&](int row) {
+    const QString object = data_of(row, Qt::UserRole), run = data_of(row, kRunRole);
+    if (object.isEmpty() || workspace.related().count(object.toStdString()) == 0) return 0;
+    const bool of_run = workspace.run().isEmpty() || run == workspace.run();
+    return 1 + (of_run ? 1 : 0) + (object == workspace.selected() ? 2 : 0);
   };
   const auto selected = table->selectedItems();
-  if (!selected.isEmpty() && object_of(selected.front()->row()) == workspace.selected()) return;
+  if (!selected.isEmpty() && fit(selected.front()->row()) == 4) return;
   const QSignalBlocker block(table);
   table->clearSelection();
   int best = -1;
   for (int row = 0; row < table->rowCount(); ++row) {
-    const QString object = object_of(row);
-    if (object.isEmpty() || workspace.related().count(object.toStdString()) == 0) continue;
-    if (best < 0 || (object == workspace.selected() && object_of(best) != object)) best = row;
+    if (fit(row) > (best < 0 ? 0 : fit(best))) best = row;
   }
   if (best < 0) return;
   table->selectRow(best);
@@ -62,7 +70,8 @@ inline void ShowSelectedRows(QTableWidget* table, const Workspace& workspace) {
 inline void LinkTable(QTableWidget* table, Workspace* workspace) {
   QObject::connect(table, &QTableWidget::itemSelectionChanged, workspace, [table, workspace] {
     const auto items = table->selectedItems();
-    if (!items.isEmpty()) workspace->Select(items.front()->data(Qt::UserRole).toString());
+    if (items.isEmpty()) return;
+    workspace->Select(items.front()->data(Qt::UserRole).toString(), items.front()->data(kRunRole).toString());
   });
   QObject::connect(workspace, &Workspace::Selected, table, [table, workspace] { ShowSelectedRows(table, *workspace); });
   AskMenuOn(table, workspace, Qt::UserRole);

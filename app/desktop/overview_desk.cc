@@ -329,9 +329,9 @@ void OverviewDesk::ShowVerdict(QVBoxLayout* column) {
   }
 }
 
-void OverviewDesk::Choose(const QString& object) {
+void OverviewDesk::Choose(const QString& object, const QString& run) {
   if (object.isEmpty()) return;
-  workspace_->Select(object);
+  workspace_->Select(object, run);
   emit LookRequested(object);
 }
 
@@ -448,13 +448,15 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
   matrix_->resizeRowsToContents();
   const int height = matrix_->verticalHeader()->length() + matrix_->horizontalHeader()->sizeHint().height() + 4;
   matrix_->setFixedHeight(std::min(height + 14, kHighestMatrix));
-  connect(matrix_, &QTableWidget::currentCellChanged, this, [this](int row) {
+  const auto run_of = [this](int column) { return matrix_->horizontalHeaderItem(column)->text(); };
+  connect(matrix_, &QTableWidget::currentCellChanged, this, [this, run_of](int row, int at) {
     if (showing_ || row < 0) return;
     // While a button is pressed, the click that follows makes the scene look.
-    if (QApplication::mouseButtons() == Qt::NoButton) return Choose(RowObject(row));
-    workspace_->Select(RowObject(row));
+    if (QApplication::mouseButtons() == Qt::NoButton) return Choose(RowObject(row), run_of(at));
+    workspace_->Select(RowObject(row), run_of(at));
   });
-  connect(matrix_, &QTableWidget::cellClicked, this, [this](int row) { Choose(RowObject(row)); });
+  connect(matrix_, &QTableWidget::cellClicked, this,
+          [this, run_of](int row, int at) { Choose(RowObject(row), run_of(at)); });
   connect(matrix_, &QTableWidget::cellActivated, this, [this] { emit SceneRequested(workspace_->selected()); });
   AskMenuOn(matrix_, workspace_, Qt::UserRole + 1);
   column->addWidget(matrix_);
@@ -568,12 +570,16 @@ void OverviewDesk::ShowSelected() {
   for (int row = 0; row < matrix_->rowCount(); ++row) {
     if (is_shown(row) && (best < 0 || (RowObject(row) == selected && RowObject(best) != selected))) best = row;
   }
+  const auto& runs = overview_->runs;
+  const auto chosen = std::find(runs.begin(), runs.end(), workspace_->run().toStdString());
+  const int column = chosen == runs.end() ? 0 : static_cast<int>(chosen - runs.begin());
   const int current = matrix_->currentRow();
   const bool exact = best >= 0 && RowObject(best) == selected;
-  if (current >= 0 && is_shown(current) && (!exact || current == best)) return;
+  const bool in_run = chosen == runs.end() || matrix_->currentColumn() == column;
+  if (current >= 0 && is_shown(current) && in_run && (!exact || current == best)) return;
   showing_ = true;
   matrix_->setCurrentItem(nullptr);
-  if (best >= 0) matrix_->setCurrentCell(best, 0);
+  if (best >= 0) matrix_->setCurrentCell(best, column);
   showing_ = false;
 }
 

@@ -78,7 +78,7 @@ class OverviewDesk : public QWidget {
   void ShowPlan();
   void ShowNext();
   void ShowSelected();                 // the plan's mark, the matrix' row
-  void Choose(const QString& object);  // selects it, and asks to look at it
+  void Choose(const QString& object, const QString& run = "");  // selects it, and asks to look at it
   void Follow(const QString& anchor);
 
   Workspace* workspace_;

@@ -160,6 +160,11 @@ void PanoramaDesk::ShowSelected() {
     const auto index = static_cast<size_t>(set_->itemData(i).toInt());
     return workspace_->related().count("panorama:" + snapshot->references[index].name) > 0;
   };
+  for (int i = 0; i < set_->count(); ++i) {  // itself before another one of its station
+    const auto index = static_cast<size_t>(set_->itemData(i).toInt());
+    const std::string object = "panorama:" + snapshot->references[index].name;
+    if (object == workspace_->selected().toStdString()) return set_->setCurrentIndex(i);
+  }
   if (set_->currentIndex() >= 0 && belongs(set_->currentIndex())) return;
   for (int i = 0; i < set_->count(); ++i) {
     if (belongs(i)) return set_->setCurrentIndex(i);

@@ -1,9 +1,11 @@
 #include "app/desktop/picture_view.h"
 
 #include <QContextMenuEvent>
+#include <QHelpEvent>
 #include <QKeyEvent>
 #include <QMouseEvent>
 #include <QPainter>
+#include <QToolTip>
 #include <QWheelEvent>
 #include <algorithm>
 #include <cmath>
@@ -98,6 +100,37 @@ void PictureView::Zoom(double factor, const QPointF& about) {
   emit ViewChanged();
 }
 
+// Of what lies under the mouse its name.
+bool PictureView::event(QEvent* event) {
+  if (event->type() != QEvent::ToolTip) return QWidget::event(event);
+  const auto* help = static_cast<QHelpEvent*>(event);
+  const QString object = ObjectAt(PixelAt(help->pos()));
+  QToolTip::showText(help->globalPos(),
+                     object.isEmpty() ? toolTip() : object.section(':', 0, 0) + " " + object.section(':', 1), this);
+  return true;
+}
+
+void PictureView::PaintMark(QPainter* painter, const PictureMark& mark, bool strong) const {
+  QPolygonF at;
+  for (const QPointF& point : mark.points) at << WidgetAt(point);
+  if (at.isEmpty()) return;
+  switch (mark.kind) {
+    case PictureMark::Kind::kCross: {
+      const double r = strong ? 12 : 4;
+      painter->drawLine(at[0] - QPointF(r, 0), at[0] + QPointF(r, 0));
+      painter->drawLine(at[0] - QPointF(0, r), at[0] + QPointF(0, r));
+      break;
+    }
+    case PictureMark::Kind::kLine: painter->drawPolyline(at); break;
+    case PictureMark::Kind::kOutline: painter->drawPolygon(at); break;
+    case PictureMark::Kind::kCircle: {
+      const double r = std::max(4.0, scale_ * mark.points[1].x());
+      painter->drawEllipse(at[0], r, r);
+      break;
+    }
+  }
+}
+
 void PictureView::paintEvent(QPaintEvent*) {
   QPainter painter(this);
   painter.fillRect(rect(), palette().color(QPalette::Dark));
@@ -125,26 +158,13 @@ void PictureView::paintEvent(QPaintEvent*) {
   for (const PictureMark& mark : marks_) {
     const bool strong = mark.strong || (!mark.object.isEmpty() && mark.object == highlight_);
     if (mark.colour.alpha() == 0 && !strong) continue;  // it can be clicked, the picture shows it
-    painter.setPen(QPen(mark.colour.alpha() == 0 ? QColor(213, 94, 0) : mark.colour, strong ? 4 : 1.5));
     painter.setBrush(Qt::NoBrush);
-    QPolygonF at;
-    for (const QPointF& point : mark.points) at << WidgetAt(point);
-    if (at.isEmpty()) continue;
-    switch (mark.kind) {
-      case PictureMark::Kind::kCross: {
-        const double r = strong ? 12 : 4;
-        painter.drawLine(at[0] - QPointF(r, 0), at[0] + QPointF(r, 0));
-        painter.drawLine(at[0] - QPointF(0, r), at[0] + QPointF(0, r));
-        break;
-      }
-      case PictureMark::Kind::kLine: painter.drawPolyline(at); break;
-      case PictureMark::Kind::kOutline: painter.drawPolygon(at); break;
-      case PictureMark::Kind::kCircle: {
-        const double r = std::max(4.0, scale_ * mark.points[1].x());
-        painter.drawEllipse(at[0], r, r);
-        break;
-      }
+    if (strong) {  // a colour that no series has: black, seen on anything by its white edge
+      painter.setPen(QPen(Qt::white, 7));
+      PaintMark(&painter, mark, true);
     }
+    painter.setPen(strong ? QPen(Qt::black, 3) : QPen(mark.colour, 1.5));
+    PaintMark(&painter, mark, strong);
   }
   PaintNames(&painter);
   if (!title_.isEmpty()) {

@@ -59,6 +59,7 @@ class PictureView : public QWidget {
   void MenuAsked(const QString& object, const QPoint& at);  // by a right click on a mark; `at` on the screen
 
  protected:
+  bool event(QEvent* event) override;
   void paintEvent(QPaintEvent* event) override;
   void wheelEvent(QWheelEvent* event) override;
   void mousePressEvent(QMouseEvent* event) override;
@@ -70,6 +71,7 @@ class PictureView : public QWidget {
   void resizeEvent(QResizeEvent* event) override;
 
  private:
+  void PaintMark(QPainter* painter, const PictureMark& mark, bool strong) const;
   void PaintNames(QPainter* painter);
   void Zoom(double factor, const QPointF& about);
   void Release();  // neither fitted nor kept on a part

@@ -219,6 +219,7 @@ void PlanDesk::Connect() {
   connect(workspace_, &Workspace::UnitChanged, this, [this] {
     ShowUnit();
     ground_ = PlanGround();
+    ReadPrediction();
     Show();
   });
   connect(jobs_, &JobController::Started, this, &PlanDesk::ShowButtons);
@@ -230,7 +231,10 @@ void PlanDesk::Connect() {
 
 void PlanDesk::resizeEvent(QResizeEvent* event) {
   QWidget::resizeEvent(event);
-  split_->setOrientation(width() < kSideBySide ? Qt::Vertical : Qt::Horizontal);
+  const Qt::Orientation way = width() < kSideBySide ? Qt::Vertical : Qt::Horizontal;
+  if (way == split_->orientation()) return;
+  split_->setOrientation(way);
+  if (way == Qt::Vertical) split_->setSizes({700, 300});  // one draws on the map
 }
 
 void PlanDesk::ChooseTool(const QString& tool) {

@@ -115,6 +115,8 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   connect(cancel_, &QPushButton::clicked, this, [this] { status_->setText(tr("Stopping ...")); });
   ConnectJobs();
   connect(workspace_, &Workspace::Replaced, this, &RunDesk::Forget);
+  const auto show_unit = [this] { graph_->SetUnit(workspace_->unit(), workspace_->metres_per_unit()); };
+  connect(workspace_, &Workspace::UnitChanged, graph_, show_unit);
   connect(workspace_, &Workspace::Opened, this, &RunDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &RunDesk::Refresh);
   connect(workspace_, &Workspace::ResultsChanged, this, [this] {

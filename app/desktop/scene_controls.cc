@@ -201,12 +201,12 @@ void SceneDesk::FollowSlider() {
   // An image itself; of a station, tag or panorama the camera nearest to it.
   const SceneCamera* wanted = nullptr;
   double nearest = HUGE_VAL;
+  const QString of = run_->findText(workspace_->run()) >= 0 ? workspace_->run() : run_->currentText();
   for (const std::string& object : workspace_->related()) {
     const std::vector<ScenePick> found = vtk_->Find(object);
     for (const SceneCamera& camera : model->cameras) {
       if (object == "image:" + camera.run + "/" + camera.image) wanted = &camera, nearest = 0;
-      if (found.empty() || object.starts_with("point:") || QString::fromStdString(camera.run) != run_->currentText())
-        continue;
+      if (found.empty() || object.starts_with("point:") || QString::fromStdString(camera.run) != of) continue;
       const double away = (camera.world_from_cam.translation - found.front().position).norm();
       if (away < nearest) wanted = &camera, nearest = away;
     }

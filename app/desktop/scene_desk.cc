@@ -360,6 +360,7 @@ void SceneDesk::ConnectWorkspace() {
   connect(workspace_, &Workspace::Selected, this, &SceneDesk::ShowSelected);
   connect(workspace_, &Workspace::UnitChanged, this, &SceneDesk::ShowSelected);
   connect(workspace_, &Workspace::UnitChanged, this, &SceneDesk::ShowMeasured);
+  connect(workspace_, &Workspace::UnitChanged, this, [this] { SayPlace(""); });  // until the mouse moves again
 }
 
 void SceneDesk::ConnectLook() {

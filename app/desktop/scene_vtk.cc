@@ -70,15 +70,18 @@ void SceneDesk::Vtk::AddRing(std::vector<vtkSmartPointer<vtkProp>>& props, const
     const double angle = 2 * M_PI * i / 48;
     circle.emplace_back(radius * std::cos(angle), radius * std::sin(angle), 0);
   }
-  const auto line = FlatActor(Lines({circle}), kVermilion, 3);
-  const auto ring = vtkSmartPointer<vtkFollower>::New();
-  ring->SetMapper(line->GetMapper());
-  ring->SetProperty(line->GetProperty());
-  ring->SetPosition(at.x(), at.y(), at.z());
-  ring->SetCamera(renderer->GetActiveCamera());
-  ring->PickableOff();
-  renderer->AddActor(ring);
-  props.emplace_back(ring);
+  // Black with a white edge, as other desks have it: no layer and no series has that.
+  for (const auto& [colour, width] : {std::pair(Colour{1, 1, 1}, 7), {kBlack, 3}}) {
+    const auto line = FlatActor(Lines({circle}), colour, width);
+    const auto ring = vtkSmartPointer<vtkFollower>::New();
+    ring->SetMapper(line->GetMapper());
+    ring->SetProperty(line->GetProperty());
+    ring->SetPosition(at.x(), at.y(), at.z());
+    ring->SetCamera(renderer->GetActiveCamera());
+    ring->PickableOff();
+    renderer->AddActor(ring);
+    props.emplace_back(ring);
+  }
 }
 
 void SceneDesk::Vtk::SizeRings(double pixel_ratio) {
@@ -275,6 +278,7 @@ cv::Mat SceneDesk::Vtk::Picture(int width, int height) {
   DrawMoving(false);
   widget->makeCurrent();
   window->SetSize(width, height);
+  if (!sphere) renderer->ResetCameraClippingRange();  // what was seen before changes no pixel
   window->Render();
   vtkNew<vtkWindowToImageFilter> filter;
   filter->SetInput(window);

@@ -196,12 +196,27 @@ QString StageGraph::DoneText(const StageBox& box) {
   return tr("%1 of %2 done").arg(box.done).arg(box.results);
 }
 
+// "median 0.344 m" as the manifest has it.
+QString StageGraph::MetricText(const StageBox& box) const {
+  const QString text = QString::fromStdString(box.metric);
+  const QStringList words = text.split(' ');
+  if (words.size() != 3 || words[2] != "m") return text;
+  return words[0] + " " + QString::number(words[1].toDouble() / metres_, 'f', 3) + " " + unit_;
+}
+
+void StageGraph::SetUnit(const QString& unit, double metres) {
+  unit_ = unit;
+  metres_ = metres;
+  Describe();
+  update();
+}
+
 QString StageGraph::DescriptionOf(const StageBox& box) const {
   QString text = QString::fromStdString(box.stage) + ": ";
   text += DoneText(box);
   if (box.results > 1 && box.state != "done") text += ", " + tr("worst: %1").arg(TextOfState(box.state));
   if (box.seconds > 0) text += ", " + DurationText(box.seconds);
-  if (!box.metric.empty()) text += ", " + QString::fromStdString(box.metric);
+  if (!box.metric.empty()) text += ", " + MetricText(box);
   if (!box.metric.empty() && box.results > 1) text += " " + (box.summed ? tr("in all") : tr("at most"));
   return text;
 }
@@ -250,7 +265,7 @@ void StageGraph::PaintBox(QPainter* painter, size_t index) const {
   const auto fitting = [&](const QString& text, double less) {
     return small.elidedText(text, Qt::ElideRight, static_cast<int>(inside.width() - less));
   };
-  painter->drawText(inside, Qt::AlignLeft | Qt::AlignBottom, fitting(QString::fromStdString(box.metric), 0));
+  painter->drawText(inside, Qt::AlignLeft | Qt::AlignBottom, fitting(MetricText(box), 0));
   painter->setPen(colour);
   painter->drawText(second, Qt::AlignLeft | Qt::AlignVCenter, fitting(DoneText(box), above ? 0 : time_px));
 }

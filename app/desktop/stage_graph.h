@@ -31,6 +31,8 @@ class StageGraph : public QWidget {
  public:
   explicit StageGraph(QWidget* parent = nullptr);
   void Show(std::vector<StageBox> boxes);
+  // In which metrics that are lengths are said.
+  void SetUnit(const QString& unit, double metres);
   // The same stages, with what became of their results.
   void ShowStates(const std::vector<SnapshotResult>& results);
   const std::vector<StageBox>& boxes() const { return boxes_; }
@@ -51,6 +53,7 @@ class StageGraph : public QWidget {
  private:
   int BoxAt(const QPointF& at) const;  // -1: none
   static QString DoneText(const StageBox& box);
+  QString MetricText(const StageBox& box) const;
   QString DescriptionOf(const StageBox& box) const;
   void Describe();  // for those who do not see it
   int Columns() const;
@@ -62,6 +65,8 @@ class StageGraph : public QWidget {
   void SetCurrent(int box);
 
   std::vector<StageBox> boxes_;
+  QString unit_ = "m";
+  double metres_ = 1;
   int current_ = 0;
 };
 

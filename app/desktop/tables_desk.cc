@@ -37,6 +37,13 @@ constexpr const char* kHidden = "tables/hidden";
 
 QString ObjectOf(const QModelIndex& row) { return row.data(DataTableModel::kObjectRole).toString(); }
 
+// Empty in a table that has no such column.
+QString RunOf(const DataTable& table, const QModelIndex& row) {
+  const auto column = std::find(table.columns.begin(), table.columns.end(), "run");
+  if (column == table.columns.end()) return "";
+  return row.sibling(row.row(), static_cast<int>(column - table.columns.begin())).data().toString();
+}
+
 // As the other desks name it; nothing: as the file has it. A status is one of answers in these stages' tables alone.
 std::optional<std::string> WordFor(const DataTable& table, const std::string& column, const std::string& text) {
   if (column == "method") return MethodName(text);
@@ -49,14 +56,31 @@ std::optional<std::string> WordFor(const DataTable& table, const std::string& co
 class BlanksLast : public QSortFilterProxyModel {
  public:
   using QSortFilterProxyModel::QSortFilterProxyModel;
+  // Each word must stand in one of a row's cells.
+  void FilterBy(const QString& text) {
+    words_ = text.split(' ', Qt::SkipEmptyParts);
+    invalidateFilter();
+  }
 
  protected:
+  bool filterAcceptsRow(int row, const QModelIndex& parent) const override {
+    return std::all_of(words_.begin(), words_.end(), [&](const QString& word) {
+      for (int c = 0; c < sourceModel()->columnCount(parent); ++c) {
+        const QString cell = sourceModel()->index(row, c, parent).data().toString();
+        if (cell.contains(word, Qt::CaseInsensitive)) return true;
+      }
+      return false;
+    });
+  }
   bool lessThan(const QModelIndex& left, const QModelIndex& right) const override {
     const QVariant a = left.data(sortRole()), b = right.data(sortRole());
     const bool no_a = a.toString().isEmpty(), no_b = b.toString().isEmpty();
     if (no_a != no_b) return sortOrder() == Qt::AscendingOrder ? no_b : no_a;
     return QSortFilterProxyModel::lessThan(left, right);
   }
+
+ private:
+  QStringList words_;
 };
 
 }  // namespace
@@ -190,7 +214,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   split->addWidget(tree_);
   split->addWidget(right);
   split->setStretchFactor(1, 1);
-  split->setSizes({190, 900});
+  split->setSizes({240, 850});
   auto* all = new QVBoxLayout(this);
   all->addWidget(split);
 
@@ -203,7 +227,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   connect(tree_, &QTreeWidget::currentItemChanged, this, &TablesDesk::ShowTable);
   connect(filter_, &QLineEdit::textChanged, this, [this](const QString& text) {
     showing_ = true;  // rows that go take the current one along: that is no choice of anybody's
-    proxy_->setFilterFixedString(text);
+    static_cast<BlanksLast*>(proxy_)->FilterBy(text);
     showing_ = false;
     ShowSelected();
     count_->setText(tr("%1 of %2 rows").arg(proxy_->rowCount()).arg(model_->rowCount()));
@@ -226,7 +250,9 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   });
   // Not what becomes current: that is the first row, too, when the view gets the focus.
   connect(view_->selectionModel(), &QItemSelectionModel::selectionChanged, this, [this](const QItemSelection& chosen) {
-    if (!showing_ && !chosen.isEmpty()) workspace_->Select(ObjectOf(chosen.indexes().front()));
+    if (showing_ || chosen.isEmpty()) return;
+    const QModelIndex row = chosen.indexes().front();
+    workspace_->Select(ObjectOf(row), RunOf(*model_->table(), row));
   });
   connect(view_, &QTableView::activated, this, [this](const QModelIndex& row) { emit Activated(ObjectOf(row)); });
   connect(workspace_, &Workspace::Replaced, this, [this] {
@@ -254,8 +280,6 @@ void TablesDesk::MakeView() {
   proxy_ = new BlanksLast(this);
   proxy_->setSourceModel(model_);
   proxy_->setSortRole(DataTableModel::kSortRole);
-  proxy_->setFilterKeyColumn(-1);
-  proxy_->setFilterCaseSensitivity(Qt::CaseInsensitive);
   view_->setModel(proxy_);
   empty_ = new QLabel;
   empty_->setObjectName("tables.empty");
@@ -391,24 +415,30 @@ void TablesDesk::ShowTable() {
 
 void TablesDesk::ShowSelected() {
   view_->viewport()->update();  // what belongs to the selection is tinted
+  const QString& run = workspace_->run();
+  const auto is_of_run = [&](const QModelIndex& row) { return run.isEmpty() || RunOf(*model_->table(), row) == run; };
   for (const QModelIndex& row : view_->selectionModel()->selectedRows()) {
-    if (ObjectOf(row) == workspace_->selected()) return;
+    if (ObjectOf(row) == workspace_->selected() && is_of_run(row)) return;
   }
   showing_ = true;
   std::vector<std::string> wanted = {workspace_->selected().toStdString()};  // before what belongs to it
   wanted.insert(wanted.end(), workspace_->related().begin(), workspace_->related().end());
+  QModelIndex best;
   for (const std::string& object : wanted) {
     for (const int row : model_->RowsOf(object)) {
       const QModelIndex index = proxy_->mapFromSource(model_->index(row, 0));
       if (!index.isValid()) continue;  // filtered out
-      view_->setCurrentIndex(index);
-      view_->selectRow(index.row());
-      view_->scrollTo(index);
-      showing_ = false;
-      return;
+      if (!best.isValid() || (!is_of_run(best) && is_of_run(index))) best = index;
     }
+    if (best.isValid()) break;
   }
-  view_->clearSelection();
+  if (best.isValid()) {
+    view_->setCurrentIndex(best);
+    view_->selectRow(best.row());
+    view_->scrollTo(best);
+  } else {
+    view_->clearSelection();
+  }
   showing_ = false;
 }
 

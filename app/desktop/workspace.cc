@@ -50,7 +50,7 @@ void Workspace::Load(const QString& dir, bool again) {
         results_ = ResultsOfSnapshot(*snapshot_);
         live_.clear();
         const bool cleared = !again && !selected_.isEmpty();
-        if (cleared) selected_.clear();
+        if (cleared) selected_.clear(), run_.clear();
         if (other) emit Replaced();
         related_ = snapshot_->Related(selected_.toStdString());
         for (const std::string& problem : snapshot_->problems) {
@@ -58,21 +58,26 @@ void Workspace::Load(const QString& dir, bool again) {
         }
         emit Opened();
         if (cleared && selected_.isEmpty()) emit Selected(selected_);
-        InBackground(
-            this, [snapshot = snapshot_] { return StatesOfSnapshot(*snapshot); },
-            [this, generation](const Attempted<std::vector<SnapshotResult>>& states) {
-              if (generation != generation_) return;
-              if (!states.error.isEmpty()) {
-                emit Problem(states.error, tr("What is out of date is not known."));
-                return;
-              }
-              results_ = states.value;
-              for (SnapshotResult& result : results_) {  // a run went on while they were looked at
-                const auto live = live_.find(result.title);
-                if (live != live_.end()) result.state = live->second.state, result.reason = live->second.reason;
-              }
-              emit ResultsChanged();
-            });
+        CheckStates();
+      });
+}
+
+void Workspace::CheckStates() {
+  if (!snapshot_) return;
+  InBackground(
+      this, [snapshot = snapshot_] { return StatesOfSnapshot(*snapshot); },
+      [this, generation = generation_](const Attempted<std::vector<SnapshotResult>>& states) {
+        if (generation != generation_) return;
+        if (!states.error.isEmpty()) {
+          emit Problem(states.error, tr("What is out of date is not known."));
+          return;
+        }
+        results_ = states.value;
+        for (SnapshotResult& result : results_) {  // a run went on while they were looked at
+          const auto live = live_.find(result.title);
+          if (live != live_.end()) result.state = live->second.state, result.reason = live->second.reason;
+        }
+        emit ResultsChanged();
       });
 }
 
@@ -92,9 +97,10 @@ std::shared_ptr<SharedInspector> Workspace::InspectorOf(const std::string& run, 
   return pointer;
 }
 
-void Workspace::Select(const QString& object) {
-  if (object == selected_) return;
+void Workspace::Select(const QString& object, const QString& run) {
+  if (object == selected_ && (run.isEmpty() || run == run_)) return;
   selected_ = object;
+  run_ = run;
   related_.clear();
   if (snapshot_ && !object.isEmpty()) related_ = snapshot_->Related(object.toStdString());
   emit Selected(object);

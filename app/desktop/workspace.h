@@ -33,6 +33,8 @@ class Workspace : public QObject {
   // Null while nothing is open.
   const std::shared_ptr<const Snapshot>& snapshot() const { return snapshot_; }
   const std::vector<SnapshotResult>& results() const { return results_; }
+  // What is out of date: again, after an input was changed.
+  void CheckStates();
   // Of a result ("localize/run1") while a run goes on; the next reading of the project has the last word.
   void SetState(const QString& title, const QString& state, const QString& reason = "");
   QString dir() const;
@@ -43,7 +45,9 @@ class Workspace : public QObject {
   const QString& selected() const { return selected_; }
   // The selected object and what belongs to it.
   const std::set<std::string>& related() const { return related_; }
-  void Select(const QString& object);
+  // The run of the cell or row that it was chosen by, where it is of several runs; else empty.
+  const QString& run() const { return run_; }
+  void Select(const QString& object, const QString& run = "");
   // Selects it, and asks for its menu at a place of the screen.
   void AskMenu(const QString& object, const QPoint& at);
 
@@ -73,7 +77,7 @@ class Workspace : public QObject {
   std::vector<SnapshotResult> results_;
   std::map<std::string, SnapshotResult> live_;  // by title: those with a state set since the project was read
   std::map<std::string, std::shared_ptr<SharedInspector>> inspectors_;  // by run@variant
-  QString selected_;
+  QString selected_, run_;
   std::set<std::string> related_;
   QString unit_ = "m";
   double metres_ = 1;

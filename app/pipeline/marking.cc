@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "app/pipeline/stages.h"
+#include "calib/base/counted.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/csv_dialect.h"
 #include "datasets/io/lines.h"
@@ -96,10 +97,10 @@ bool EditMarks(const Project& project, const std::string& point, const std::stri
                fs::path* kept) {
   const fs::path file = FileOf(project);
   const InputLock lock(project.results());
+  const CsvWriter none(kMarkColumns, {"trigpoint control_observations 1; pixels from the centre of the first"});
   if (!fs::exists(file)) {
     if (added == nullptr) return false;
-    CsvWriter csv(kMarkColumns, {"trigpoint control_observations 1; pixels from the centre of the first"});
-    WriteFileAtomically(file, csv.text() + MarkLine(kMarkColumns, *added));
+    WriteFileAtomically(file, none.text() + MarkLine(kMarkColumns, *added));
     return false;
   }
   const CsvTable table = CsvTable::Read(file, kMarkColumns);
@@ -115,6 +116,7 @@ bool EditMarks(const Project& project, const std::string& point, const std::stri
   }
   const fs::path old = ReplaceInputFile(project.dir(), file.filename().string(), text);
   if (kept != nullptr) *kept = old;
+  if (text == none.text()) fs::remove(file);  // as it was before the first mark: results are up to date again
   return there;
 }
 
@@ -229,8 +231,8 @@ PointSolution PredictPoint(const Project& project, const std::string& point, con
     if (view.marked) marked.push_back(&view);
   }
   if (marked.size() < 2) {
-    throw InputError("point '" + point + "' is marked in " + std::to_string(marked.size()) +
-                     " localized images; expected at least two to predict it in the others");
+    throw InputError("point '" + point + "' is marked in " + Counted(marked.size(), "localized image") +
+                     "; expected at least two to predict it in the others");
   }
   PointSolution solution;
   solution.marks = static_cast<int>(marked.size());

@@ -26,7 +26,7 @@ std::vector<PointMark> ReadPointMarks(const Project& project);
 // pixel outside the image; IoError.
 PointMark SavePointMark(const Project& project, const std::string& point, const std::string& image,
                         const Eigen::Vector2d& pixel, std::filesystem::path* kept = nullptr, double sigma_px = 1);
-// Takes a mark away. Throws InputError if there is none.
+// Takes a mark away, and with the last one the file that SavePointMark began. Throws InputError if there is none.
 void RemovePointMark(const Project& project, const std::string& point, const std::string& image,
                      std::filesystem::path* kept = nullptr);
 

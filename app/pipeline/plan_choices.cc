@@ -111,7 +111,7 @@ std::map<std::string, Rigid3d> TagPlaces(const PlanLayout& layout) {
                                       [&](const auto& t) { return (t.second.translation - at).norm() < kApart_m; });
         if (near || places.size() >= kMostPlaces) continue;
         const Eigen::Vector3d face = body.translation - at;
-        places[fmt::format("{:.1f}, {:.1f}, {:.1f}", at.x(), at.y(), at.z())] =
+        places[fmt::format("{:.1f}, {:.1f}, {:.1f} m", at.x(), at.y(), at.z())] =
             UprightTag(at, std::atan2(face.x(), face.y()));
       }
     }

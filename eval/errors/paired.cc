@@ -112,11 +112,12 @@ std::string Describe(const PairedComparison& c, const std::string& a, const std:
   if (c.pairs == 0) {
     text = fmt::format("{} and {} have no answer in common", a, b);
   } else {
-    text = fmt::format("{} is better than {} in {} of {} pairs, median difference {:.3f} {}", b, a, c.b_better, c.pairs,
-                       *c.median_difference_m / metres_per_unit, unit);
+    // The sign of tables that state B - A.
+    text = fmt::format("{} is better than {} in {} of {} pairs; median of {} - {}: {:.3f} {}", b, a, c.b_better,
+                       c.pairs, b, a, -*c.median_difference_m / metres_per_unit, unit);
     if (c.difference_interval_m) {
-      text += fmt::format(" ({:.3f} to {:.3f})", c.difference_interval_m->low / metres_per_unit,
-                          c.difference_interval_m->high / metres_per_unit);
+      text += fmt::format(" ({:.3f} to {:.3f})", -c.difference_interval_m->high / metres_per_unit,
+                          -c.difference_interval_m->low / metres_per_unit);
     }
     text +=
         fmt::format(", p = {:.3g} (Wilcoxon) and {:.3g} (sign) over {} stations", c.wilcoxon_p, c.sign_p, c.stations);

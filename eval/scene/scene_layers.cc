@@ -131,7 +131,6 @@ void SceneView::Parts::BuildPoints() {
   bar->GetBackgroundProperty()->SetColor(1, 1, 1);
   bar->GetBackgroundProperty()->SetOpacity(0.75);
   bar_title = vtkSmartPointer<vtkTextActor>::New();  // the bar's own stands half above its plate
-  bar_title->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
   bar_title->GetTextProperty()->SetJustificationToRight();
   bar_title->GetTextProperty()->SetBackgroundColor(1, 1, 1);
   bar_title->GetTextProperty()->SetBackgroundOpacity(0.75);
@@ -161,7 +160,8 @@ void SceneView::Parts::PlaceBar(vtkRenderer* of) const {
   const double height = std::min(kBarShare, kBarHeight_text * style.text_px / std::max(1, of->GetSize()[1]));
   bar->SetHeight(height);
   bar->SetPosition(kBarRight - width, kBarBottom);
-  bar_title->SetPosition(kBarRight, kBarBottom + height);
+  bar_title->SetPosition(std::round(kBarRight * of->GetSize()[0]),
+                         std::round((kBarBottom + height) * of->GetSize()[1]));
 }
 
 void SceneView::Parts::ChoosePoints() {

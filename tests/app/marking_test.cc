@@ -60,5 +60,21 @@ TEST(PointMarks, OfShortenedNamesAreThoseOfTheFullOnes) {
   EXPECT_EQ(ReadTextFile(file), "point,image,u,v\nC,elsewhere.jpg,7,8\nA,runs/run1/images/000000.jpg,9.000,9.000\n");
 }
 
+TEST(PointMarks, LastOneTakesItsFileAlong) {
+  const ProjectFolder folder;
+  const std::filesystem::path dir = folder.dir().parent_path() / "marked";
+  WriteResultsSite(dir, {});
+  const Project project = Project::Open(dir);
+  const std::filesystem::path file = dir / "control_observations.csv";
+  for (const char* point : {"A", "B"}) SavePointMark(project, point, "run1/images/000000.jpg", {3, 4});
+  RemovePointMark(project, "A", "run1/images/000000.jpg");
+  EXPECT_TRUE(std::filesystem::exists(file));
+  RemovePointMark(project, "B", "run1/images/000000.jpg");
+  EXPECT_FALSE(std::filesystem::exists(file));
+  std::ofstream(file) << "# mine\npoint,image,u,v\nA,000000.jpg,3,4\n";
+  RemovePointMark(project, "A", "run1/images/000000.jpg");
+  EXPECT_EQ(ReadTextFile(file), "# mine\npoint,image,u,v\n");
+}
+
 }  // namespace
 }  // namespace trigpoint

@@ -58,9 +58,11 @@ class ChartsTest : public ResultsWindowTest {
   bool Ringed(const QString& object) {
     const QPoint at = At(object);
     const QImage seen = charts_->view()->grab().toImage();
+    bool white = false;  // the edge of the ring, then the ring itself
     for (int dx = 2; dx < 24; ++dx) {
       const QColor colour = seen.pixelColor(std::min(at.x() + dx, seen.width() - 1), at.y());
-      if (colour.red() > 190 && colour.green() > 70 && colour.green() < 130 && colour.blue() < 60) return true;
+      if (white && colour.lightness() < 40) return true;
+      white = colour.lightness() > 230;
     }
     return false;
   }

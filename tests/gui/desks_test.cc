@@ -145,6 +145,11 @@ TEST_F(DesksTest, TableSortsFiltersCopiesExportsAndShowsFeet) {
   EXPECT_EQ(view_->model()->index(0, column("error_3d (ft)")).data().toDouble(), 0.1312);
   Type(window_.get(), "tables.filter", "p001");
   EXPECT_EQ(view_->model()->rowCount(), 1);
+  Type(window_.get(), "tables.filter", "RUN1 p001");  // words of one row, in cells of their own
+  EXPECT_EQ(view_->model()->rowCount(), 1);
+  Type(window_.get(), "tables.filter", "p001 p002");
+  EXPECT_EQ(view_->model()->rowCount(), 0);
+  Type(window_.get(), "tables.filter", "p001");
   const QTemporaryDir out;
   window_->tables()->Export(out.filePath("errors.csv"));
   const std::string text = ReadTextFile(out.filePath("errors.csv").toStdString());

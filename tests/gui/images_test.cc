@@ -9,6 +9,7 @@
 #include <QListWidget>
 #include <QMenu>
 #include <QMouseEvent>
+#include <QSignalSpy>
 #include <QSplitter>
 #include <QThreadPool>
 
@@ -164,6 +165,20 @@ TEST_F(ImagesTest, ATagIsNearInASmallViewAndStaysSo) {
   EXPECT_EQ(view.scale(), scale);
   view.LookAt(QRectF(10, 10, 4, 4));
   EXPECT_EQ(view.scale(), 6);
+}
+
+TEST_F(ImagesTest, AMarkAndItsUndoLetWhatIsOutOfDateBeCheckedAgain) {
+  QSignalSpy checked(window_->workspace(), &Workspace::ResultsChanged);
+  Child<QComboBox>(images_, "images.point")->setCurrentText("corner");
+  Show("image:run1/images/000004.jpg");
+  Click(window_.get(), "images.mark");
+  QTest::mouseClick(images_->left(), Qt::LeftButton, {}, images_->left()->WidgetAt({60, 40}).toPoint());
+  ASSERT_TRUE(WaitFor([&] { return QFile::exists(Path("control_observations.csv")); }));
+  EXPECT_TRUE(WaitFor([&] { return checked.count() > 0; }));
+  const auto before = checked.count();
+  images_->Undo();
+  EXPECT_TRUE(WaitFor([&] { return !QFile::exists(Path("control_observations.csv")); }));
+  EXPECT_TRUE(WaitFor([&] { return checked.count() > before; }));
 }
 
 TEST_F(ImagesTest, MarksAreSeenAtOnceMovedAndRemoved) {

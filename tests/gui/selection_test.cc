@@ -19,6 +19,7 @@
 #include "app/desktop/column_help.h"
 #include "app/desktop/decisions.h"
 #include "app/desktop/images_desk.h"
+#include "app/desktop/object_table.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/review_desk.h"
 #include "app/desktop/site_tree.h"
@@ -202,10 +203,45 @@ TEST_F(SelectionTest, ASetCalledByANumberIsItsStationAndTag) {
   window_->workspace()->Select("panorama:station_002");
   EXPECT_EQ(window_->workspace()->related().count("station:S2"), 1u);
   EXPECT_EQ(window_->workspace()->related().count("tag:2"), 1u);
+  // Of the panoramas of a station the desks show the one that is selected.
+  for (const char* name : {"panoramas/p002.jpg", "station_002", "panoramas/p002.jpg"}) {
+    window_->workspace()->Select(QString("panorama:") + name);
+    EXPECT_THAT(set->currentText().toStdString(), testing::StartsWith(name));
+    EXPECT_EQ(Child<QComboBox>(window_.get(), "images.reference")->currentText(), name);
+  }
   window_->workspace()->Select("tag:2");
   EXPECT_EQ(window_->workspace()->related().count("panorama:station_002"), 1u);
   EXPECT_EQ(window_->workspace()->related().count("station:S1"), 0u);
   QDir(Path("photos")).removeRecursively();
+}
+
+// Of a station with answers of two runs the row of the run that was chosen.
+TEST_F(SelectionTest, TheRunOfWhatIsChosenBelongsToTheSelection) {
+  QTableWidget table(0, 1);
+  const std::vector<std::pair<const char*, const char*>> rows = {
+      {"station:S1", "run1"}, {"station:S2", "run1"}, {"station:S2", "run2"}};
+  for (const auto& [object, run] : rows) {
+    auto* item = new QTableWidgetItem(object);
+    item->setData(Qt::UserRole, object);
+    item->setData(kRunRole, run);
+    table.insertRow(table.rowCount());
+    table.setItem(table.rowCount() - 1, 0, item);
+  }
+  Workspace* workspace = window_->workspace();
+  LinkTable(&table, workspace);
+  workspace->Select("station:S2", "run2");
+  EXPECT_EQ(table.currentRow(), 2);
+  EXPECT_EQ(workspace->run(), "run2");
+  workspace->Select("station:S2");  // said again, by a desk that knows no run
+  EXPECT_EQ(workspace->run(), "run2");
+  table.selectRow(1);
+  EXPECT_EQ(workspace->run(), "run1");
+  workspace->Select("station:S1");
+  EXPECT_EQ(workspace->run(), "");
+  EXPECT_EQ(table.currentRow(), 0);
+  ShowErrors();
+  ClickRow(view_, RowWith(view_, "S2"));
+  EXPECT_EQ(workspace->run(), "run1");  // of its column
 }
 
 TEST_F(SelectionTest, AContextMenuExcludesWithAReasonToPick) {

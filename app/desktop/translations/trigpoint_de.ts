@@ -1956,6 +1956,14 @@
         <source>Another reason ...</source>
         <translation>Anderer Grund ...</translation>
     </message>
+    <message>
+        <source>excluded by the review: %1</source>
+        <translation>durch die Prüfung ausgeschlossen: %1</translation>
+    </message>
+    <message>
+        <source>; solve again to see its effect</source>
+        <translation>; neu lösen, um die Wirkung zu sehen</translation>
+    </message>
 </context>
 <context>
     <name>trigpoint::HelpDialog</name>
@@ -2868,10 +2876,6 @@
         <translation>Warnungen (%1)</translation>
     </message>
     <message>
-        <source>Nothing to draw yet: run localize.</source>
-        <translation>Noch nichts zu zeichnen: localize ausführen.</translation>
-    </message>
-    <message>
         <source>plan</source>
         <translation>Lageplan</translation>
     </message>
@@ -2898,10 +2902,6 @@
     <message>
         <source>refused</source>
         <translation>abgelehnt</translation>
-    </message>
-    <message>
-        <source>Missing or out of date: %1, %2 first.</source>
-        <translation>%1 Ergebnisse fehlen oder sind veraltet, zuerst %2.</translation>
     </message>
     <message>
         <source>&amp;Run again what failed</source>
@@ -2954,6 +2954,22 @@
     <message>
         <source>Running: %1</source>
         <translation>Läuft: %1</translation>
+    </message>
+    <message>
+        <source>%1 (excluded)</source>
+        <translation>%1 (ausgeschlossen)</translation>
+    </message>
+    <message>
+        <source>Nothing to draw yet.</source>
+        <translation>Noch nichts zu zeichnen.</translation>
+    </message>
+    <message>
+        <source>One result is missing or out of date: %1.</source>
+        <translation>Ein Ergebnis fehlt oder ist veraltet: %1.</translation>
+    </message>
+    <message>
+        <source>%1 results are missing or out of date; %2 is first.</source>
+        <translation>%1 Ergebnisse fehlen oder sind veraltet; zuerst kommt %2.</translation>
     </message>
 </context>
 <context>
@@ -5323,6 +5339,10 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     <message>
         <source>Its answers are not compared yet: run evaluate.</source>
         <translation>Ihre Antworten sind noch nicht verglichen: evaluate ausführen.</translation>
+    </message>
+    <message>
+        <source>Its answers are not compared: ground truth is missing (stations.csv, and tags.yaml or control_points.csv).</source>
+        <translation>Ihre Antworten sind nicht verglichen: Die Sollwerte fehlen (stations.csv, dazu tags.yaml oder control_points.csv).</translation>
     </message>
 </context>
 <context>
