@@ -448,7 +448,7 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
   matrix_->resizeRowsToContents();
   const int height = matrix_->verticalHeader()->length() + matrix_->horizontalHeader()->sizeHint().height() + 4;
   matrix_->setFixedHeight(std::min(height + 14, kHighestMatrix));
-  const auto run_of = [this](int column) { return matrix_->horizontalHeaderItem(column)->text(); };
+  const auto run_of = [this](int at) { return matrix_->horizontalHeaderItem(at)->text(); };
   connect(matrix_, &QTableWidget::currentCellChanged, this, [this, run_of](int row, int at) {
     if (showing_ || row < 0) return;
     // While a button is pressed, the click that follows makes the scene look.

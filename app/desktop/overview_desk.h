@@ -77,7 +77,7 @@ class OverviewDesk : public QWidget {
   QString WarningsText(size_t most) const;
   void ShowPlan();
   void ShowNext();
-  void ShowSelected();                 // the plan's mark, the matrix' row
+  void ShowSelected();                                          // the plan's mark, the matrix' row
   void Choose(const QString& object, const QString& run = "");  // selects it, and asks to look at it
   void Follow(const QString& anchor);
 

@@ -58,11 +58,12 @@ class ChartsTest : public ResultsWindowTest {
   bool Ringed(const QString& object) {
     const QPoint at = At(object);
     const QImage seen = charts_->view()->grab().toImage();
-    bool white = false;  // the edge of the ring, then the ring itself
+    int since_white = 9;  // the edge of the ring, then the ring itself, with what lies between
     for (int dx = 2; dx < 24; ++dx) {
-      const QColor colour = seen.pixelColor(std::min(at.x() + dx, seen.width() - 1), at.y());
-      if (white && colour.lightness() < 40) return true;
-      white = colour.lightness() > 230;
+      // Aslant: an axis runs straight.
+      const QColor colour = seen.pixelColor(std::min(at.x() + dx, seen.width() - 1), at.y() + dx / 2);
+      since_white = colour.lightness() > 230 ? 0 : since_white + 1;
+      if (since_white < 4 && colour.lightness() < 40) return true;
     }
     return false;
   }

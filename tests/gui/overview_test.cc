@@ -475,6 +475,14 @@ TEST_F(TwoRunsTest, HaveAColumnEachAndARefusalSaysWhy) {
   EXPECT_EQ(Matrix()->item(2, 1)->text(), "no match\nno matches");
   EXPECT_EQ(Matrix()->item(3, 1), nullptr);
   Screenshot(window_.get(), "overview_two_runs");
+  // A cell is of a run, which belongs to the selection.
+  Matrix()->setCurrentCell(0, 1);
+  EXPECT_EQ(window_->workspace()->selected(), "station:S0");
+  EXPECT_EQ(window_->workspace()->run(), "run2");
+  window_->workspace()->Select("station:S1", "run1");
+  EXPECT_EQ(Matrix()->currentColumn(), 0);
+  window_->workspace()->Select("station:S1", "run2");
+  EXPECT_EQ(Matrix()->currentColumn(), 1);
 }
 
 // More answers are compared with the tag map, but those share evidence with it.
