@@ -272,7 +272,9 @@ void ImagesDesk::ShowSelected() {
   if (in_image) ShowObject(object);
   for (const std::string& related : workspace_->related()) {
     const bool other = object.startsWith("panorama:") && object.toStdString() != related;  // of the same station
-    if (related.starts_with("panorama:") && !other) ShowObject(QString::fromStdString(related));
+    if (!related.starts_with("panorama:") || other) continue;
+    ShowObject(QString::fromStdString(related));
+    break;
   }
   behind_ = !isVisible();
   if (in_image || behind_ || Highlighted().startsWith("detection:")) return;

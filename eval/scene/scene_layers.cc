@@ -160,8 +160,9 @@ void SceneView::Parts::PlaceBar(vtkRenderer* of) const {
   const double height = std::min(kBarShare, kBarHeight_text * style.text_px / std::max(1, of->GetSize()[1]));
   bar->SetHeight(height);
   bar->SetPosition(kBarRight - width, kBarBottom);
+  const double above = kBarBottom + height;
   bar_title->SetPosition(std::round(kBarRight * of->GetSize()[0]),
-                         std::round((kBarBottom + height) * of->GetSize()[1]));
+                         std::round(above * of->GetSize()[1] + kBarText * style.text_px));  // over the first number
 }
 
 void SceneView::Parts::ChoosePoints() {
