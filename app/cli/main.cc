@@ -1,4 +1,6 @@
 // The launcher: the one place where errors become a line on standard error and an exit code.
+#include <glog/logging.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
@@ -89,6 +91,7 @@ int Act(Session& session) {
 }
 
 int Launch(int argc, char** argv) {
+  FLAGS_minloglevel = google::GLOG_FATAL;  // Ceres logs steps that it takes back; what counts is in our own messages
   CLI::App app(
       "Trigpoint: from a folder of images to localized panoramas, and how good they are.\n"
       "`trigpoint <command> --help` describes a command and its options.",

@@ -245,10 +245,8 @@ std::string FormatNsAsSeconds(int64_t ns, int decimals) {
   std::string text = std::to_string(rounded / per_second);
   if (negative && rounded > 0) text.insert(text.begin(), '-');
   if (decimals > 0) {
-    char fraction[16];
-    std::snprintf(fraction, sizeof(fraction), ".%0*llu", decimals,
-                  static_cast<unsigned long long>(rounded % per_second));
-    text.append(fraction);
+    const std::string fraction = std::to_string(rounded % per_second);
+    text += '.' + std::string(static_cast<size_t>(decimals) - fraction.size(), '0') + fraction;
   }
   return text;
 }

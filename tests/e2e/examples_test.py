@@ -176,6 +176,8 @@ class Examples:
             good = {0, *(its for pattern, its in OTHER_CODES if re.match(pattern, words))}
             if code == USAGE if reason else code not in good:
                 self.problems.append(f"{place}: {command}: ended with {code}:\n{said}")
+            if "InitGoogleLogging" in said:
+                self.problems.append(f"{place}: {command}: a library speaks to its developers:\n{said[:400]}")
         shutil.rmtree(folder)
         shutil.rmtree(empty)
 
