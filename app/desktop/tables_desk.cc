@@ -214,7 +214,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   split->addWidget(tree_);
   split->addWidget(right);
   split->setStretchFactor(1, 1);
-  split->setSizes({240, 850});
+  split->setSizes({200, 850});
   auto* all = new QVBoxLayout(this);
   all->addWidget(split);
 
