@@ -276,7 +276,10 @@ std::map<RandomSession::Answer, double> RandomSession::OnCard() const {
   const auto* table = Child<QTableWidget>(window_.get(), "card.table");
   QString group;
   for (int row = 0; row < table->rowCount(); ++row) {
-    if (table->columnSpan(row, 0) > 1) group = table->item(row, 0)->toolTip();
+    // A station's panoramas have titles of their own below that of their group.
+    const QString of = table->item(row, 0)->data(Qt::UserRole).toString();
+    const bool panorama = window_->card()->object().startsWith("station:") && of.startsWith("panorama:");
+    if (table->columnSpan(row, 0) > 1 && !panorama) group = table->item(row, 0)->toolTip();
     if (table->columnSpan(row, 0) > 1 || table->columnSpan(row, 1) > 1) continue;  // a title, or not answered
     const QTableWidgetItem* run = table->item(row, 0);
     const bool first =
