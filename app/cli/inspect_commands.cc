@@ -128,12 +128,13 @@ int Mark(const Session& session, const MarkArguments& a) {
     ending.Rows(TableText({"image", "u px", "v px", "1 sigma px", ""}, rows));
   } catch (const InputError& e) {
     if (a.image.empty()) throw;
-    ending.Headline(std::string("Saved. ") + e.what());  // the first mark of a point
+    ending.Headline(std::string(a.remove ? "Removed. " : "Saved. ") + e.what());  // too few marks of the point
     json["predicted"] = nullptr;
   }
   if (!kept.empty()) {
     const fs::path table = project.dir() / "control_observations.csv";
-    ShowChange(kept, AddedLines(kept, table), &ending);
+    const bool any = fs::exists(table);  // the last mark takes the file along
+    ShowChange(kept, any ? AddedLines(kept, table) : std::vector<std::string>(), &ending);
     json["kept"] = kept.string();
   }
   session.End(ending);
