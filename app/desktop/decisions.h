@@ -14,8 +14,8 @@ class QMenu;
 
 namespace trigpoint {
 
-// That the review leaves an object out, and why, for where its numbers are shown; empty: it does not. `others`: also
-// what belongs to it, each with its name. Numbers that are shown are of before as long as a result is out of date.
+// States that the review excludes an object, and why; empty if it does not. `others`: also the objects that belong to
+// it, each with its name. As long as a result is out of date, the text says that the numbers do not show it yet.
 QString ExclusionText(const Workspace& workspace, const std::string& object, bool others);
 
 class Decisions : public QObject {

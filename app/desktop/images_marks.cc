@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kMarkRing_px = 4;  // about a mark, in the picture
 
-// Of an image below the project, or RUN/FILE.
+// Whether an image below the project is the one that `where` names: the same path, or RUN/FILE.
 bool IsOf(const QString& image, const QString& where) { return image == where || image.endsWith("/" + where); }
 
 QString Words(const MarkStep* step) {

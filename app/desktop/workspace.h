@@ -33,7 +33,7 @@ class Workspace : public QObject {
   // Null while nothing is open.
   const std::shared_ptr<const Snapshot>& snapshot() const { return snapshot_; }
   const std::vector<SnapshotResult>& results() const { return results_; }
-  // What is out of date: again, after an input was changed.
+  // Finds out again which results are out of date, after an input was changed.
   void CheckStates();
   // Of a result ("localize/run1") while a run goes on; the next reading of the project has the last word.
   void SetState(const QString& title, const QString& state, const QString& reason = "");
@@ -45,7 +45,7 @@ class Workspace : public QObject {
   const QString& selected() const { return selected_; }
   // The selected object and what belongs to it.
   const std::set<std::string>& related() const { return related_; }
-  // The run of the cell or row that it was chosen by, where it is of several runs; else empty.
+  // The run of the cell or row by which the object was selected; empty if that has no run.
   const QString& run() const { return run_; }
   void Select(const QString& object, const QString& run = "");
   // Selects it, and asks for its menu at a place of the screen.

@@ -8,7 +8,7 @@
 namespace trigpoint {
 
 // Looks at all that is there and writes results/check. `watched`: the page refreshes itself, since WatchSite follows.
-// Its page is in `unit`.
+// Lengths on the page are in `unit`.
 CheckOutcome CheckSite(SiteCheck& check, const DisplayUnit& unit, bool watched, ProgressSink& progress,
                        const CancelToken& cancel);
 

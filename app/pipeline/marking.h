@@ -16,8 +16,8 @@ namespace trigpoint {
 bool NamesPath(const std::string& named, const std::string& path);
 
 // Rows of control_observations.csv; `image`: below the project, "runs/run1/images/000012.jpg", however the file
-// shortens it (the first that it can be, as `survey` takes it); as the file has it where it is no image of a run. Empty
-// without the file. Throws InputError naming file and line.
+// shortens it; of several images with that ending the first one, as in `survey`. A name that no image of a run has
+// stays as it is. Empty without the file. Throws InputError naming file and line.
 std::vector<PointMark> ReadPointMarks(const Project& project);
 // Adds a mark, or moves the one of the same point in the same image; its sigma is written where the file has a column
 // for it. The file as it was is kept in results/replaced/, where `kept` names it (empty: there was none). The other
