@@ -111,8 +111,8 @@ class SceneView {
   void DrawMoving(bool moving);
   // Written beside every picture: "error vectors and ellipsoids x 20".
   double ErrorScale() const;
-  // Heights at the ends of this view's colours, for SceneStyle::heights_m of another; none if points are not coloured by
-  // height.
+  // Heights at the ends of this view's colours, for SceneStyle::heights_m of another; none if points are not coloured
+  // by height.
   std::optional<std::array<double, 2>> HeightsOfColours() const;
 
   // Cameras: straight down with north up (parallel), from the south-west above, and one station with its surroundings.
