@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
 
 #include "calib/base/median.h"
 #include "calib/geometry/bearing.h"
@@ -212,7 +213,8 @@ MotionComparison CompareMotion(const std::vector<Rigid3d>& poses, const Measured
   c.turns = turn > kTurn;
   c.turn_agrees =
       !c.turns || c.rotation_off_rad < std::max({kLeastRotationGate, kTurnPart * turn, kSigmas * m.sigma_rotation_rad});
-  c.moves = m.has_direction && b_from_a.translation.norm() > 1e-9;
+  c.length_m = b_from_a.translation.norm();
+  c.moves = m.has_direction && c.length_m > 1e-9;
   if (c.moves) {
     c.direction_off_rad = AngleBetween(m.b_from_a.translation, b_from_a.translation);
     c.direction_agrees = c.direction_off_rad < std::max(kLeastDirectionGate, kSigmas * m.sigma_direction_rad);
@@ -239,6 +241,12 @@ MotionAgreement CompareMotions(const std::vector<Rigid3d>& poses, const std::vec
   m.rotation_off_rad = Median(std::move(rotation_off));
   m.direction_off_rad = Median(std::move(direction_off));
   return m;
+}
+
+int IndependentMotions(const std::vector<MeasuredMotion>& motions) {
+  std::set<int> poses;
+  for (const MeasuredMotion& m : motions) poses.insert({m.a, m.b});
+  return motions.empty() ? 0 : static_cast<int>(std::min(motions.size(), poses.size() - 1));
 }
 
 bool Agrees(const std::vector<Rigid3d>& poses, const MeasuredMotion& motion) {

@@ -46,6 +46,9 @@ struct MotionAgreement {
 
 MotionAgreement CompareMotions(const std::vector<Rigid3d>& odom_from_body, const std::vector<MeasuredMotion>& motions);
 
+// Motions between the same few poses share these poses' errors: one fewer than there are poses is independent.
+int IndependentMotions(const std::vector<MeasuredMotion>& motions);
+
 // Whether one motion agrees, in as far as it shows anything.
 bool Agrees(const std::vector<Rigid3d>& odom_from_body, const MeasuredMotion& motion);
 
@@ -54,6 +57,7 @@ struct MotionComparison {
   bool turns = false, turn_agrees = true;
   bool moves = false, direction_agrees = true;
   double rotation_off_rad = 0, direction_off_rad = 0;
+  double length_m = 0;  // of the sensor's translation, by the poses
 };
 
 MotionComparison CompareMotion(const std::vector<Rigid3d>& odom_from_body, const MeasuredMotion& motion);

@@ -245,15 +245,46 @@ std::vector<OddStep> FindOddSteps(const LocalizeInput& input, size_t count) {
   return odd;
 }
 
-// One step is looked at closely: by less than what makes a whole run's odometry suspect.
-bool IsOff(const MotionComparison& c, const MeasuredMotion& m) {
-  constexpr double kLeast_rad = 15 * kDegToRad, kSigmas = 5;
-  return !c.turn_agrees || !c.direction_agrees ||
-         (c.moves && c.direction_off_rad > std::max(kLeast_rad, kSigmas * m.sigma_direction_rad));
+// By how much a motion differs where odometry jumps: it stands out from the noise of all motions. Odometry of stops
+// some metres apart is a few degrees off everywhere, and so are motions that so different pictures show.
+struct JumpGates {
+  double turn_rad = 10 * kDegToRad, direction_rad = 15 * kDegToRad;
+  double aside_m = 0;  // across the direction that the images show
+
+  JumpGates(const std::vector<Rigid3d>& poses, const std::vector<MeasuredMotion>& motions) {
+    constexpr double kMedians = 4;
+    std::vector<double> turns, aside;
+    for (const MeasuredMotion& m : motions) {
+      const MotionComparison c = CompareMotion(poses, m);
+      turns.push_back(c.rotation_off_rad);
+      if (c.moves) aside.push_back(AsideOf(c));
+    }
+    turn_rad = std::max(turn_rad, kMedians * Median(std::move(turns)));
+    aside_m = kMedians * Median(std::move(aside));
+  }
+
+  static double AsideOf(const MotionComparison& c) {
+    return c.length_m * std::sin(std::min(c.direction_off_rad, 90 * kDegToRad));
+  }
+
+  bool IsOff(const MotionComparison& c, const MeasuredMotion& m) const {
+    constexpr double kSigmas = 5;
+    return c.rotation_off_rad > std::max(turn_rad, kSigmas * m.sigma_rotation_rad) ||
+           (c.moves && c.direction_off_rad > std::max(direction_rad, kSigmas * m.sigma_direction_rad) &&
+            AsideOf(c) > aside_m);
+  }
+};
+
+// Whether a motion over a step contradicts it and agrees with the likely one.
+bool ShowsJump(const std::vector<Rigid3d>& poses, const OddStep& step, MeasuredMotion motion, const JumpGates& gates) {
+  motion.a = 0, motion.b = 1;
+  const auto k = static_cast<size_t>(step.pose);
+  return gates.IsOff(CompareMotion({poses[k], poses[k + 1]}, motion), motion) &&
+         !gates.IsOff(CompareMotion({Rigid3d(), step.likely}, motion), motion);
 }
 
 // Whether images contradict a step and agree with the likely one.
-bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddStep& step,
+bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddStep& step, const JumpGates& gates,
             const OdometryCheckOptions& options, uint64_t seed) {
   for (size_t i = 0; i < input.images.size(); ++i) {
     if (input.images[i].pose != step.pose || next[i] < 0 ||
@@ -262,37 +293,36 @@ bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddS
     }
     const std::optional<MatchedPair> pair =
         Match(ReadView(input, static_cast<int>(i)), ReadView(input, next[i]), options);
-    auto motion = pair ? Measure(input, *pair, options, seed) : std::nullopt;
-    if (!motion) continue;
-    motion->a = 0, motion->b = 1;
-    const auto k = static_cast<size_t>(step.pose);
-    if (IsOff(CompareMotion({input.odom_from_body[k], input.odom_from_body[k + 1]}, *motion), *motion) &&
-        !IsOff(CompareMotion({Rigid3d(), step.likely}, *motion), *motion)) {
-      return true;
-    }
+    const auto motion = pair ? Measure(input, *pair, options, seed) : std::nullopt;
+    if (motion && ShowsJump(input.odom_from_body, step, *motion, gates)) return true;
   }
   return false;
 }
 
-// One motion that can say alone that a step is wrong: from a pose to the next, by many matches, and far off.
-bool IsShownWell(const std::vector<Rigid3d>& poses, const MeasuredMotion& m) {
+// One motion that can say alone that a step is wrong: from a pose to the next, by many matches, far off, and as the
+// steps around it make likely. Repeated windows or traffic show others.
+bool IsShownWell(const std::vector<Rigid3d>& poses, const MeasuredMotion& m, const std::vector<OddStep>& odd,
+                 const JumpGates& gates) {
   constexpr int kMatches = 50;
-  return std::abs(m.b - m.a) == 1 && m.matches >= kMatches && !Agrees(poses, m);
+  return m.b - m.a == 1 && m.matches >= kMatches && !Agrees(poses, m) &&
+         std::any_of(odd.begin(), odd.end(),
+                     [&](const OddStep& step) { return step.pose == m.a && ShowsJump(poses, step, m, gates); });
 }
 
 // The poses between which odometry jumps: all motions that contradict it span that step, or begin or end at the one
 // pose that is wrong, and the others agree. A single one must be shown well. One pose must stand out by its steps, too:
 // else its image is of another moment. Nothing where they say no such thing.
 std::optional<std::pair<int, int>> FindBrokenPlace(const LocalizeInput& input,
-                                                   const std::vector<MeasuredMotion>& motions) {
+                                                   const std::vector<MeasuredMotion>& motions, const JumpGates& gates) {
   const std::vector<Rigid3d>& poses = input.odom_from_body;
   constexpr int kLeastOff = 2, kLeastRight = 3;
   std::vector<const MeasuredMotion*> off, right;
   for (const MeasuredMotion& m : motions) {
     const MotionComparison c = CompareMotion(poses, m);
-    if (c.turns || c.moves) (IsOff(c, m) ? off : right).push_back(&m);
+    if (c.turns || c.moves) (gates.IsOff(c, m) ? off : right).push_back(&m);
   }
-  if (off.empty() || (static_cast<int>(off.size()) < kLeastOff && !IsShownWell(poses, *off.front()))) {
+  const std::vector<OddStep> odd = FindOddSteps(input, poses.size());
+  if (off.empty() || (static_cast<int>(off.size()) < kLeastOff && !IsShownWell(poses, *off.front(), odd, gates))) {
     return std::nullopt;
   }
   const auto explains = [&](const auto& touches) {
@@ -306,9 +336,9 @@ std::optional<std::pair<int, int>> FindBrokenPlace(const LocalizeInput& input,
     const auto spans = [k](const MeasuredMotion& m) { return std::min(m.a, m.b) <= k && std::max(m.a, m.b) > k; };
     if (explains(spans)) return std::pair(k, k + 1);
   }
-  std::set<int> odd;
-  for (const OddStep& step : FindOddSteps(input, poses.size())) odd.insert({step.pose, step.pose + 1});
-  for (const int k : odd) {
+  std::set<int> ends_of_odd;
+  for (const OddStep& step : odd) ends_of_odd.insert({step.pose, step.pose + 1});
+  for (const int k : ends_of_odd) {
     const auto ends = [k](const MeasuredMotion& m) { return m.a == k || m.b == k; };
     if (explains(ends)) return std::pair(std::max(0, k - 1), std::min(last, k + 1));
   }
@@ -361,7 +391,7 @@ std::optional<std::string> FindStandstill(const LocalizeInput& input, const std:
 }
 
 // Names the first jump of odometry; nothing where images show none.
-std::optional<std::string> FindJump(const LocalizeInput& input, const std::string& odometry,
+std::optional<std::string> FindJump(const LocalizeInput& input, const std::string& odometry, const JumpGates& gates,
                                     const OdometryCheckOptions& options, int threads, uint64_t seed,
                                     const CancelToken& cancel) {
   const std::vector<OddStep> odd = FindOddSteps(input, static_cast<size_t>(options.pairs) / 2);
@@ -369,7 +399,7 @@ std::optional<std::string> FindJump(const LocalizeInput& input, const std::strin
   std::vector<char> jumps(odd.size(), 0);
   ParallelFor(static_cast<int64_t>(odd.size()), threads, cancel, [&](int64_t i) {
     const auto k = static_cast<size_t>(i);
-    jumps[k] = IsJump(input, next, odd[k], options, seed + static_cast<uint64_t>(odd[k].pose)) ? 1 : 0;
+    jumps[k] = IsJump(input, next, odd[k], gates, options, seed + static_cast<uint64_t>(odd[k].pose)) ? 1 : 0;
   });
   const auto first = std::find(jumps.begin(), jumps.end(), 1);
   if (first == jumps.end()) return std::nullopt;
@@ -396,6 +426,31 @@ std::string Contradiction(const ReadingVerdict& v, const std::string& odometry) 
         "time_offset_s in run.yaml), and T_cam_imu, lens model and intrinsics of camchain.yaml";
   }
   return text + ". Option check_conventions=false skips this check";
+}
+
+// Rotations that scatter about those of the images by a few degrees, neither less nor more in all, while directions
+// agree: noise, which no other reading mends.
+bool IsNoise(const ReadingVerdict& verdict, const std::vector<Rigid3d>& poses,
+             const std::vector<MeasuredMotion>& motions) {
+  constexpr double kMost_rad = 10 * kDegToRad, kSlope = 0.25, kSigmas = 3;
+  constexpr int kLeast = 4;
+  const MotionAgreement& m = verdict.as_read;
+  const bool directions = m.directions >= kLeast && 2 * m.directions_agree > m.directions;
+  if (!verdict.better.empty() || !directions || m.rotation_off_rad > kMost_rad) return false;
+  // The slope of odometry's turns over the images' is 1 for noise; 0 where it turns about another axis or not at all.
+  double both = 0, images = 0, odometry = 0;
+  for (const MeasuredMotion& motion : motions) {
+    const auto pose = [&](int k) {
+      return poses[static_cast<size_t>(k)].rotation * motion.sensor_from_body.rotation.conjugate();
+    };
+    const Eigen::Vector3d by_odometry = LogSO3(pose(motion.b).conjugate() * pose(motion.a)),
+                          by_images = LogSO3(motion.b_from_a.rotation);
+    both += by_odometry.dot(by_images), images += by_images.squaredNorm(), odometry += by_odometry.squaredNorm();
+  }
+  if (!(images > 0)) return false;
+  const double slope = both / images;
+  const double rest = (odometry - slope * both) / std::max(1, 3 * IndependentMotions(motions) - 1);
+  return std::abs(slope - 1) < std::max(kSlope, kSigmas * std::sqrt(std::max(0.0, rest) / images));
 }
 
 // Odometry that turns as the images do, but at other times.
@@ -520,7 +575,8 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
   const std::vector<MeasuredMotion> motions = images <= options.pairs
                                                   ? MeasureNeighbours(input, options, threads, seed, cancel)
                                                   : MeasureSample(input, options, threads, seed, cancel);
-  if (const auto place = FindBrokenPlace(input, motions)) {
+  const JumpGates gates(input.odom_from_body, motions);
+  if (const auto place = FindBrokenPlace(input, motions, gates)) {
     return Jump(input, odometry, place->first, place->second);
   }
   std::vector<PoseReading> readings = PoseReadings();
@@ -537,12 +593,16 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
     }
     if (clock && clock->significant) return OtherClock(*clock, odometry);
   }
-  if (verdict.kind == ReadingVerdict::Kind::kContradicted) return Contradiction(verdict, odometry);
-  progress.Log(LogLevel::kInfo, "odometry against images: pairs of images agree with " + Counts(verdict.as_read));
+  const bool noisy = IsNoise(verdict, input.odom_from_body, motions);
+  const bool contradicted = verdict.kind == ReadingVerdict::Kind::kContradicted;
+  if (contradicted && !noisy) return Contradiction(verdict, odometry);
+  progress.Log(contradicted ? LogLevel::kWarning : LogLevel::kInfo,
+               "odometry against images: pairs of images agree with " + Counts(verdict.as_read) +
+                   (contradicted ? ": its rotations are taken as noisy" : ""));
   const std::string calibration = (std::filesystem::path(odometry).parent_path() / "camchain.yaml").string();
   if (auto wrong = FindWrongMount(input, motions, calibration, progress)) return wrong;
   if (auto wrong = FindWrongStretch(input, motions, odometry, progress)) return wrong;
-  return FindJump(input, odometry, options, threads, seed, cancel);
+  return FindJump(input, odometry, gates, options, threads, seed, cancel);
 }
 
 }  // namespace trigpoint

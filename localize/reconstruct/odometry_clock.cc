@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
@@ -35,11 +36,18 @@ std::vector<double> DifferencesAt(const Trajectory& odometry, const std::vector<
   return static_cast<double>(off.size()) < least ? std::vector<double>() : off;
 }
 
-// Chi-square of the turns at an offset, as of all of them.
-double Chi2Of(const std::vector<double>& off, double noise_rad, size_t turns) {
+// Chi-square of the turns at an offset, as of `independent` ones.
+double Chi2Of(const std::vector<double>& off, double noise_rad, size_t independent) {
   double sum = 0;
   for (const double angle : off) sum += std::min(kMostChi2, std::pow(angle / noise_rad, 2));
-  return sum * static_cast<double>(turns) / static_cast<double>(off.size());
+  return sum * static_cast<double>(independent) / static_cast<double>(off.size());
+}
+
+// Turns between the same few images share their errors: one image less than there are is independent.
+size_t IndependentOf(const std::vector<MeasuredTurn>& turns) {
+  std::set<int64_t> images;
+  for (const MeasuredTurn& turn : turns) images.insert({turn.a_ns, turn.b_ns});
+  return std::min(turns.size(), images.size() - 1);
 }
 
 // Median time between poses, s.
@@ -84,7 +92,8 @@ std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const
   for (int k = -steps; k <= steps; ++k) attempt(k * kCoarse_s);
   if (tried.empty()) return std::nullopt;
   const double noise = std::max(kLeastNoise_rad, Median(BestOf(tried)->off) / kMedianOfChi3);
-  const auto chi2 = [&](const Tried& t) { return Chi2Of(t.off, noise, turns.size()); };
+  const size_t independent = IndependentOf(turns);
+  const auto chi2 = [&](const Tried& t) { return Chi2Of(t.off, noise, independent); };
   const auto least = [&] {
     return *std::min_element(tried.begin(), tried.end(),
                              [&](const Tried& a, const Tried& b) { return chi2(a) < chi2(b); });
@@ -103,12 +112,19 @@ std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const
     }
   }
   // How the body turns within a step of odometry is not known: an offset is no more certain than the step allows.
-  clock.sigma_s = std::hypot(clock.sigma_s, StepOf(odometry) / std::sqrt(12.0));
+  const double step_s = StepOf(odometry);
+  clock.sigma_s = std::hypot(clock.sigma_s, step_s / std::sqrt(12.0));
   const Tried none{0, DifferencesAt(odometry, turns, 0)};
   clock.off_before_rad = none.off.empty() ? M_PI : Median(none.off);
   clock.agrees = std::abs(clock.offset_s) <= std::max(kLeastOffset_s, 3 * clock.sigma_s);
-  clock.significant = !clock.agrees && clock.off_before_rad > kClearlyBetter * clock.off_after_rad &&
-                      (none.off.empty() || chi2(none) > chi2(best) + kSignificantChi2);
+  // Between its poses odometry is interpolated, which halves its noise: no offset is compared with one of half a step.
+  Tried near = none;
+  for (const double half_s : {-0.5 * step_s, 0.5 * step_s}) {
+    Tried t{half_s, DifferencesAt(odometry, turns, half_s)};
+    if (near.off.empty() || (!t.off.empty() && Median(t.off) < Median(near.off))) near = std::move(t);
+  }
+  clock.significant = !clock.agrees && (near.off.empty() || (Median(near.off) > kClearlyBetter * clock.off_after_rad &&
+                                                             chi2(near) > chi2(best) + kSignificantChi2));
   return clock;
 }
 

@@ -1,6 +1,7 @@
 #include "localize/reconstruct/odometry_stretch.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 #include "calib/estimation/huber_by_median.h"
@@ -9,7 +10,7 @@
 namespace trigpoint {
 namespace {
 
-constexpr size_t kLeastMotions = 12;
+constexpr int kLeastMotions = 12;
 constexpr int kIterations = 10;
 constexpr double kLeastDirection_rad = 1 * kDegToRad;  // 1 sigma, with odometry's own
 constexpr double kKnown_rad = 2 * kDegToRad;           // 1 sigma beyond which nothing is known
@@ -47,7 +48,8 @@ std::vector<Row> RowsOf(const std::vector<Rigid3d>& odom_from_body, const std::v
 std::optional<OdometryStretch> FindStretch(const std::vector<Rigid3d>& odom_from_body,
                                            const std::vector<MeasuredMotion>& motions) {
   const std::vector<Row> rows = RowsOf(odom_from_body, motions);
-  if (rows.size() < kLeastMotions) return std::nullopt;
+  const int independent = std::min(static_cast<int>(rows.size()), IndependentMotions(motions));
+  if (independent < kLeastMotions) return std::nullopt;
   Eigen::Vector3d abc = Eigen::Vector3d::Zero();
   Eigen::Matrix3d normal;
   HuberByMedian huber;
@@ -68,7 +70,8 @@ std::optional<OdometryStretch> FindStretch(const std::vector<Rigid3d>& odom_from
   if (!(r > 0) || r >= 1) return std::nullopt;
   const Eigen::Vector3d along(abc.x() / r, abc.y() / r, 0);
   OdometryStretch found;
-  found.sigma_rad = huber.noise() * std::sqrt(along.dot(normal.ldlt().solve(along)));
+  found.sigma_rad =
+      huber.noise() * std::sqrt(along.dot(normal.ldlt().solve(along)) * static_cast<double>(rows.size()) / independent);
   if (!(found.sigma_rad < kKnown_rad)) return std::nullopt;
   found.ratio = (1 + r) / (1 - r);
   found.sigma_ratio = 2 * found.sigma_rad / ((1 - r) * (1 - r));
