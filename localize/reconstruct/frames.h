@@ -31,6 +31,12 @@ struct ReferenceViews {
   bool stitched = false;  // a whole hand-held set: the run tells the size of its rig
 };
 
+// Factors on the standard deviations of odometry's stated noise. Stops far apart are often well placed and badly
+// turned.
+struct OdometryNoise {
+  double rotation = 1, translation = 1;
+};
+
 struct LocalizeInput {
   std::vector<BodyCamera> cameras;
   std::vector<FrameImage> images;       // ascending time

@@ -489,8 +489,8 @@ namespace {
 
 // About the axes of the body what the pairs of images say, along them no less than stated: pairs see no length.
 Vector6d FirstNoiseFactor(const ReconstructStart& start) {
-  Vector6d factor = Vector6d::Constant(start.odometry_noise);
-  factor.tail<3>().setConstant(std::max(1.0, start.odometry_noise));
+  Vector6d factor = Vector6d::Constant(start.odometry_noise.rotation);
+  factor.tail<3>().setConstant(std::max(1.0, start.odometry_noise.translation));
   return factor;
 }
 

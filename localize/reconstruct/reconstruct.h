@@ -78,7 +78,7 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
 // Where a reconstruction starts.
 struct ReconstructStart {
   std::vector<Rigid3d> odom_from_body;  // first guess of the poses; the gauge is the first one, held there
-  double odometry_noise = 1;            // factor on odometry's stated noise, until it is estimated
+  OdometryNoise odometry_noise;         // until it is estimated
 };
 
 // Of `tracks` tracks, whose observations are given up: a long run has no room for them twice.

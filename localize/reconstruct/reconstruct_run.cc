@@ -36,7 +36,7 @@ ReconstructStart JoinPairs(const LocalizeInput& input, const ReconstructRunOptio
                                     " pairs of images matched: " + std::to_string(graph.verified) + " verified, " +
                                     std::to_string(graph.rejected.size()) +
                                     " of them rejected, as odometry or other pairs contradict them");
-  return {graph.odom_from_body, std::sqrt(graph.odometry_variance)};
+  return {graph.odom_from_body, graph.odometry_noise};
 }
 
 // Images' own motion holds the gauge, its length among it, and nothing else.

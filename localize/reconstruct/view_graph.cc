@@ -158,27 +158,26 @@ double InlierAngle(const LocalizeInput& input, const ImagePair& pair, const View
   return options.inlier_px / std::min(CameraOf(input, pair.a).MeanFocal(), CameraOf(input, pair.b).MeanFocal());
 }
 
-BundleProblem Chain(const LocalizeInput& input, const std::vector<PoseFactor>& odometry) {
+BundleProblem Chain(const LocalizeInput& input, const std::vector<PoseFactor>& odometry, const OdometryNoise& noise) {
   BundleProblem p;
   for (const BodyCamera& c : input.cameras) p.views.push_back(c.cam_from_body);
   for (const Rigid3d& pose : input.odom_from_body) p.poses.push_back(pose.Inverse());
   p.pose_constant.assign(p.poses.size(), false);
   p.pose_constant[0] = true;
   p.factors = odometry;
+  for (PoseFactor& f : p.factors) {
+    f.sqrt_info.leftCols<3>() /= noise.rotation;
+    f.sqrt_info.rightCols<3>() /= noise.translation;
+  }
   return p;
 }
 
 // What odometry predicts of pairs, and how well.
 class Prediction {
  public:
-  // `variance`: of odometry's stated noise, a factor.
-  Prediction(const LocalizeInput& input, const std::vector<PoseFactor>& odometry, double variance,
+  Prediction(const LocalizeInput& input, const std::vector<PoseFactor>& odometry, const OdometryNoise& noise,
              const ViewGraphOptions& options, int threads, const CancelToken& cancel)
-      : input_(input),
-        options_(options),
-        variance_(variance),
-        chain_(Chain(input, odometry)),
-        covariance_(chain_, threads, cancel) {
+      : input_(input), options_(options), chain_(Chain(input, odometry, noise)), covariance_(chain_, threads, cancel) {
     for (const PoseFactor& f : odometry) travelled_.push_back(travelled_.back() + f.measured.translation.norm());
   }
 
@@ -189,7 +188,7 @@ class Prediction {
     EvaluateFactor(chain_, f, &t);
     Eigen::Matrix<double, 6, 12> j;
     j << t.ja, t.jb;
-    Matrix6d c = variance_ * j * covariance_.Joint({f.a, f.b}) * j.transpose();
+    Matrix6d c = j * covariance_.Joint({f.a, f.b}) * j.transpose();
     // Odometry drifts in ways that no noise of a step describes.
     const double path = std::abs(travelled_[static_cast<size_t>(f.a)] - travelled_[static_cast<size_t>(f.b)]);
     const double turned = options_.drift_deg_m * kDegToRad * path;
@@ -206,6 +205,21 @@ class Prediction {
     EvaluateFactor(chain_, edge, &t);  // whitened by the edge's own covariance
     const Matrix6d s = Matrix6d::Identity() + edge.sqrt_info * Covariance(pair) * edge.sqrt_info.transpose();
     return t.r.dot(s.ldlt().solve(t.r));
+  }
+
+  // The same of its rotation, 3 dof, and of its direction, 2 dof, each by itself.
+  Eigen::Vector2d SquaredByPart(const ImagePair& pair, const PoseFactor& edge) const {
+    PoseFactor plain = edge;
+    plain.sqrt_info.setIdentity();
+    FactorTerms t;
+    EvaluateFactor(chain_, plain, &t);
+    const Matrix6d information = edge.sqrt_info.transpose() * edge.sqrt_info;
+    const Matrix6d s = Covariance(pair) + Matrix6d(information.ldlt().solve(Matrix6d::Identity()));
+    const Eigen::Matrix<double, 2, 3> across = TangentBasis(edge.measured.translation);
+    const Eigen::Vector3d turn = t.r.head<3>();
+    const Eigen::Vector2d aside = across * t.r.tail<3>();
+    const Eigen::Matrix2d of_aside = across * s.bottomRightCorner<3, 3>() * across.transpose();
+    return {turn.dot(s.topLeftCorner<3, 3>().ldlt().solve(turn)), aside.dot(of_aside.ldlt().solve(aside))};
   }
 
  private:
@@ -227,7 +241,6 @@ class Prediction {
 
   const LocalizeInput& input_;
   const ViewGraphOptions& options_;
-  double variance_;
   BundleProblem chain_;
   BundleCovariance covariance_;
   std::vector<double> travelled_ = {0};  // path up to each body pose, m
@@ -353,7 +366,9 @@ std::vector<double> SolvePoseGraph(const std::vector<PoseFactor>& edges, double 
 constexpr size_t kLeastErrors = 8;
 constexpr double kMedianChi2 = 4.35;
 
-// Two standard deviations of that median of n, as a part of it.
+constexpr double kMedianOfTurn = 2.366, kMedianOfAside = 1.386;  // 3 and 2 dof
+
+// Two standard deviations of the first of n, as a part of it.
 double Chance(size_t n) { return 2 * 0.84 / std::sqrt(static_cast<double>(n)); }
 
 // How much smaller the variance of odometry is than stated, by the pairs of images that agree with it: the median of
@@ -385,8 +400,7 @@ void RejectContradictions(const LocalizeInput& input, const std::vector<PoseFact
       factors.push_back(f);
     }
   }
-  BundleProblem p = Chain(input, odometry);
-  for (PoseFactor& f : p.factors) f.sqrt_info /= std::sqrt(graph->odometry_variance);
+  BundleProblem p = Chain(input, odometry, graph->odometry_noise);
   const std::vector<double> errors = SolvePoseGraph(factors, gate_chi2, &p, threads, cancel);
   for (size_t i = 0; i < agreeing.size(); ++i) {
     // Poses are not exact yet: what the bundle adjustment may still correct is kept.
@@ -406,28 +420,37 @@ bool AreNeighbours(const LocalizeInput& input, const ImagePair& pair) {
   return std::abs(apart) == 1;
 }
 
-// The factor on the variance of odometry's stated noise with which its errors against edges are as large as expected,
-// in the median. 1 for few edges.
-double MatchingVariance(const LocalizeInput& input, const std::vector<PoseFactor>& odometry,
-                        const std::vector<ViewEdge>& edges, const ViewGraphOptions& options, int threads,
-                        const CancelToken& cancel) {
+// The noise of odometry with which its errors against edges are as large as expected, in the median: one factor for
+// both parts, or one for each.
+OdometryNoise MatchingNoise(const LocalizeInput& input, const std::vector<PoseFactor>& odometry,
+                            const std::vector<ViewEdge>& edges, bool by_part, const ViewGraphOptions& options,
+                            int threads, const CancelToken& cancel) {
   constexpr int kIterations = 5;  // the edges' own noise has a part in the errors: not linear
-  double variance = 1;
+  constexpr double kLeast = 0.1;
+  OdometryNoise noise;
   for (int k = 0; k < kIterations; ++k) {
-    const Prediction prediction(input, odometry, variance, options, threads, cancel);
-    std::vector<double> errors;
-    for (const ViewEdge& e : edges) errors.push_back(prediction.SquaredMahalanobis(e.pair, EdgeFactor(input, e)));
-    variance *= Median(std::move(errors)) / kMedianChi2;
+    const Prediction prediction(input, odometry, noise, options, threads, cancel);
+    std::vector<double> all, turns, aside;
+    for (const ViewEdge& e : edges) {
+      const PoseFactor f = EdgeFactor(input, e);
+      all.push_back(prediction.SquaredMahalanobis(e.pair, f));
+      const Eigen::Vector2d parts = prediction.SquaredByPart(e.pair, f);
+      turns.push_back(parts[0]), aside.push_back(parts[1]);
+    }
+    const double both = std::sqrt(Median(std::move(all)) / kMedianChi2);
+    noise.rotation *= by_part ? std::sqrt(Median(std::move(turns)) / kMedianOfTurn) : both;
+    noise.translation *= by_part ? std::sqrt(Median(std::move(aside)) / kMedianOfAside) : both;
+    noise.rotation = std::max(kLeast, noise.rotation), noise.translation = std::max(kLeast, noise.translation);
   }
-  return variance;
+  return noise;
 }
 
-// By how much the variance of odometry is larger than stated, by what neighbouring images see of each other without it.
-// Images may be wrong together: those count whose triangles close, and the median decides, as few bad steps do not make
-// the odometry bad. Nothing where the excess may be chance, or where too few images can be compared.
-std::optional<double> VarianceByImages(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
-                                       const std::vector<PoseFactor>& odometry, const ViewGraphOptions& options,
-                                       int threads, uint64_t seed, const CancelToken& cancel) {
+// By how much odometry is noisier than stated, by what neighbouring images see of each other without it. Images may be
+// wrong together: those count whose triangles close, and the median decides, as few bad steps do not make the odometry
+// bad. 1 of a part that shows no excess. Nothing where all excess may be chance, or too few images can be compared.
+std::optional<OdometryNoise> NoiseByImages(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
+                                           const std::vector<PoseFactor>& odometry, const ViewGraphOptions& options,
+                                           int threads, uint64_t seed, const CancelToken& cancel) {
   const auto is_neighbour = [&](const ImagePair& pair) { return AreNeighbours(input, pair); };
   // Video has few pairs of neighbours left, since tracks connect them: its other pairs are not verified for this.
   const auto neighbours = static_cast<size_t>(std::count_if(pairs.begin(), pairs.end(), is_neighbour));
@@ -448,9 +471,12 @@ std::optional<double> VarianceByImages(const LocalizeInput& input, const std::ve
     std::erase_if(confirmed, [&](const ViewEdge& e) { return !is_neighbour(e.pair); });
   }
   if (confirmed.size() < kLeastErrors) return std::nullopt;
-  const double variance = MatchingVariance(input, odometry, confirmed, options, threads, cancel);
-  if (variance < 1 + Chance(std::min(confirmed.size(), odometry.size()))) return std::nullopt;
-  return variance;
+  const size_t independent = std::min(confirmed.size(), odometry.size());
+  const OdometryNoise both = MatchingNoise(input, odometry, confirmed, false, options, threads, cancel);
+  if (both.rotation * both.rotation < 1 + Chance(independent)) return std::nullopt;
+  OdometryNoise parts = MatchingNoise(input, odometry, confirmed, true, options, threads, cancel);
+  parts.rotation = std::max(1.0, parts.rotation), parts.translation = std::max(1.0, parts.translation);
+  return parts;
 }
 
 // Calls body(i, image a, image b) for every pair, in parallel, with their features at hand.
@@ -550,23 +576,23 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
     return tried;
   };
   {
-    const Prediction stated(input, odometry, 1, options, threads, cancel);
+    const Prediction stated(input, odometry, {}, options, threads, cancel);
     std::vector<double> errors;
     for (const ViewEdge& e : verify(neighbours, stated))
       errors.push_back(stated.SquaredMahalanobis(e.pair, EdgeFactor(input, e)));
-    graph.odometry_variance = OdometryVarianceFactor(errors, options.gate_chi2);
-    const std::optional<double> by_images = VarianceByImages(input, pairs, odometry, options, threads, seed, cancel);
-    if (by_images) {
-      graph.odometry_variance = *by_images;
-      char text[200];
+    const double agreeing = std::sqrt(OdometryVarianceFactor(errors, options.gate_chi2));
+    graph.odometry_noise = {agreeing, agreeing};
+    if (const auto by_images = NoiseByImages(input, pairs, odometry, options, threads, seed, cancel)) {
+      graph.odometry_noise = *by_images;
+      char text[240];
       std::snprintf(text, sizeof text,
-                    "odometry is about %.1f times as noisy as assumed, judging by pairs of neighbouring images "
-                    "that other pairs confirm; its weight is reduced",
-                    std::sqrt(graph.odometry_variance));
+                    "odometry's rotations are about %.1f times and its translations %.1f times as noisy as assumed, "
+                    "judging by pairs of neighbouring images that other pairs confirm; its weight is reduced",
+                    by_images->rotation, by_images->translation);
       progress.Log(LogLevel::kWarning, text);
     }
   }
-  const Prediction prediction(input, odometry, graph.odometry_variance, options, threads, cancel);
+  const Prediction prediction(input, odometry, graph.odometry_noise, options, threads, cancel);
   graph.edges = verify(pairs, prediction);
   graph.verified = static_cast<int>(graph.edges.size());
   if (graph.edges.empty()) return graph;

@@ -72,8 +72,8 @@ struct ViewGraph {
   int tried = 0;
   int verified = 0;                     // by two-view geometry
   std::vector<ImagePair> rejected;      // verified, but contradicted by odometry or by the other pairs
-  double odometry_variance = 1;         // factor on the variance of odometry's stated noise, by neighbouring images;
-                                        // above 1 only where images agree among themselves, and not with it
+  OdometryNoise odometry_noise;         // by neighbouring images; above 1 only where they agree among themselves, and
+                                        // not with odometry
   std::vector<Rigid3d> odom_from_body;  // odometry bent to the pairs: where a bundle adjustment starts
 };
 

@@ -103,16 +103,19 @@ void RedrawOdometry(double times, uint64_t seed, Drive* drive) {
 TEST(ViewGraph, SeesThatOdometryIsNoisierThanStated) {
   Drive drive = MakeDrive(1.6, 3, 3.0);
   RedrawOdometry(4, 5, &drive);
-  const double noise = std::sqrt(GraphOf(drive).odometry_variance);
-  EXPECT_GT(noise, 2);
-  EXPECT_LT(noise, 8);
+  const OdometryNoise noise = GraphOf(drive).odometry_noise;
+  for (const double factor : {noise.rotation, noise.translation}) {
+    EXPECT_GT(factor, 2);
+    EXPECT_LT(factor, 8);
+  }
   EXPECT_LT(test::Error(drive, Solve(drive, 10).reconstruction.problem.poses), 0.1 * OdometryError(drive));
 }
 
 TEST(ViewGraph, BelievesOdometryThatIsAsStated) {
   Drive drive = MakeDrive(1.6, 3, 3.0);
   RedrawOdometry(1, 5, &drive);
-  EXPECT_LE(GraphOf(drive).odometry_variance, 1);
+  EXPECT_LE(GraphOf(drive).odometry_noise.rotation, 1);
+  EXPECT_LE(GraphOf(drive).odometry_noise.translation, 1);
 }
 
 // Eight photos have seven neighbours only: their other pairs tell of odometry's noise, too. What is left of it is
