@@ -281,6 +281,7 @@ class Runner:
         try:
             if "survey" in fault.commands and not (self.base / "tags.yaml").exists():
                 raise NotApplicable("tags.yaml")
+            shutil.rmtree(folder, ignore_errors=True)  # of a run that was stopped
             copy_links(self.base, folder)
             project = Project(folder, self.run)
             project.init = False
