@@ -136,7 +136,7 @@ StageInfo ReportStage() {
     auto options = ResolveOptions<ReportOptions>(project, "report", target);
     KeepPdf(project, target, &options);
     StageRequest request;
-    request.version = 17;
+    request.version = 18;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;

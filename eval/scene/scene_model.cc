@@ -20,6 +20,7 @@
 #include "eval/errors/comparison.h"
 #include "eval/errors/evaluate.h"
 #include "eval/errors/results.h"
+#include "eval/errors/stations.h"
 #include "eval/scene/scene_points.h"
 #include "survey/tags/tag_family.h"
 
@@ -306,7 +307,9 @@ class Loader {
     for (const PanoramaResult& row : part.result.panoramas) {
       const std::optional<Rigid3d>& pose = part.on_earth ? row.world_from_pano : row.odom_from_pano;
       if (row.status != "localized" || !pose || !pose->IsFinite()) continue;
-      ScenePanorama panorama{part.run->name, options_.variant, row.panorama, row.station};
+      // A photo set goes with the station it is of, as in the evaluation.
+      const std::string meant = StationNamed(row.station, project_.site().stations);
+      ScenePanorama panorama{part.run->name, options_.variant, row.panorama, meant.empty() ? row.station : meant};
       panorama.world_from_pano = *pose;
       panorama.sigma_m = part.on_earth ? row.sigma_m : row.odom_sigma_m;
       if (const auto it = references.find(row.panorama); it != references.end()) {
