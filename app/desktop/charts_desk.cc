@@ -116,7 +116,7 @@ void ChartsDesk::Load() {
   stale_ = workspace_->snapshot() && !isVisible();
   if (!workspace_->snapshot() || stale_) return;
   if (charts_.empty()) view_->SetPicture({}, tr("Drawing ..."));
-  const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
+  const DisplayUnit& unit = workspace_->display_unit();
   InBackground(
       this, [snapshot = workspace_->snapshot(), unit] { return LoadCharts(*snapshot, unit); },
       [this, generation](const Attempted<std::vector<NamedChart>>& loaded) {

@@ -189,7 +189,7 @@ void CheckDesk::Start(bool watch) {
   known_ = PicturesOf(*workspace_->snapshot());
   work_ = std::make_shared<PolledProgress>();
   const auto error = std::make_shared<QString>();
-  const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
+  const DisplayUnit& unit = workspace_->display_unit();
   thread_ = QThread::create([this, dir = workspace_->snapshot()->dir, unit, watch, work = work_, error] {
     const auto show = [this, work](const CheckOutcome& judged) {
       QMetaObject::invokeMethod(
@@ -292,7 +292,7 @@ void CheckDesk::Show() {
   next_->setColumnWidth(0, next_->viewport()->width() / 2);
   for (int c = 0; c < 2; ++c) findings_->resizeColumnToContents(c);
   for (QTableWidget* table : {next_, findings_}) table->resizeRowsToContents();
-  if (const auto map = CheckMap(*outcome_, {workspace_->unit().toStdString(), workspace_->metres_per_unit()})) {
+  if (const auto map = CheckMap(*outcome_, workspace_->display_unit())) {
     ShowDrawing(map_, PaintDrawing(*map, kMapScale), tr("tags, the way so far, where to stand next"));
   } else {
     map_->SetMarks({});

@@ -3,17 +3,15 @@
 #include <QCheckBox>
 #include <QComboBox>
 #include <QFileDialog>
-#include <QFontDatabase>
 #include <QHBoxLayout>
 #include <QHeaderView>
 #include <QLabel>
-#include <QPlainTextEdit>
 #include <QPushButton>
 #include <QTabWidget>
 #include <QTableWidget>
+#include <QTextBrowser>
 #include <QVBoxLayout>
 #include <algorithm>
-#include <sstream>
 
 #include "app/desktop/background.h"
 #include "app/desktop/fitted_box.h"
@@ -72,24 +70,6 @@ QString CommonFolder(const std::vector<ReviewedError>& rows) {
   return common;
 }
 
-// Sentences in lines of this many characters at most; rows of tables stay.
-constexpr size_t kLine = 80;
-
-std::string InLines(const std::string& text) {
-  std::string lines;
-  std::istringstream in(text);
-  for (std::string line; std::getline(in, line);) {
-    while (line.size() > kLine && !line.starts_with('|')) {
-      const size_t space = line.rfind(' ', kLine);
-      if (space == std::string::npos || space < 3) break;
-      lines += line.substr(0, space) + "\n";
-      line = "  " + line.substr(space + 1);
-    }
-    lines += line + "\n";
-  }
-  return lines;
-}
-
 // As the other desks name methods and references.
 std::string PairedText(const std::vector<ErrorRow>& a, const std::vector<ErrorRow>& b, const std::string& name_a,
                        const std::string& name_b, const DisplayUnit& unit) {
@@ -98,7 +78,7 @@ std::string PairedText(const std::vector<ErrorRow>& a, const std::vector<ErrorRo
     group.reference = ReferenceName(group.reference);
     group.method_a = MethodName(group.method_a), group.method_b = MethodName(group.method_b);
   }
-  return InLines(FormatComparison(groups, name_a, name_b, unit.name, unit.metres));
+  return FormatComparison(groups, name_a, name_b, unit.name, unit.metres);
 }
 
 }  // namespace
@@ -137,12 +117,9 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   for (int at = 0; at < kColumns; ++at) {
     errors_->horizontalHeader()->moveSection(errors_->horizontalHeader()->visualIndex(kShownOrder[at]), at);
   }
-  text_ = new QPlainTextEdit;
+  text_ = new QTextBrowser;
   text_->setObjectName("compare.text");
   text_->setAccessibleName(tr("Paired comparison"));
-  text_->setReadOnly(true);
-  text_->setLineWrapMode(QPlainTextEdit::NoWrap);  // a table is read line by line
-  text_->setFont(QFontDatabase::systemFont(QFontDatabase::FixedFont));
   scenes_ = new QWidget;
   new QHBoxLayout(scenes_);
   tabs_ = new QTabWidget;
@@ -251,12 +228,11 @@ void CompareDesk::Compare() {
   InBackground(
       this,
       [written_a = written[0], written_b = written[1], run_a = runs[0], run_b = runs[1], name_a = names[0],
-       name_b = names[1], unit = DisplayUnit{workspace_->unit().toStdString(), workspace_->metres_per_unit()},
-       views = views_->isChecked()] {
+       name_b = names[1], unit = workspace_->display_unit(), views = views_->isChecked()] {
         trigpoint::Compared a = OpenCompared(written_a), b = OpenCompared(written_b);
         Comparison c;
-        for (const std::string& line : a.notes) c.text += line + "\n";
-        for (const std::string& line : b.notes) c.text += line + "\n";
+        for (const std::string& line : a.notes) c.text += line + "\n\n";
+        for (const std::string& line : b.notes) c.text += line + "\n\n";
         // Of all runs on one side the one that the other side names takes part.
         const bool rename = !run_a.empty() && !run_b.empty() && run_a != run_b;
         KeepRun(run_a.empty() ? run_b : run_a, rename, &a.rows);
@@ -280,7 +256,7 @@ void CompareDesk::Compare() {
         if (!compared.error.isEmpty()) return Note(compared.error);
         Note(compared.value.rows.empty() ? tr("A and B have no panorama in common that both evaluate.") : note);
         ShowErrors(compared.value.rows, single);
-        text_->setPlainText(QString::fromStdString(compared.value.text));
+        text_->setMarkdown(QString::fromStdString(compared.value.text));
         differences_->setColumnCount(1);
         differences_->setHorizontalHeaderLabels({tr("what changed from A to B")});
         SetHeaderHelp(differences_, {tr("inputs, options and versions of the results that differ")});

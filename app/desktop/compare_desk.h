@@ -11,9 +11,9 @@
 class QCheckBox;
 class QComboBox;
 class QLabel;
-class QPlainTextEdit;
 class QTableWidget;
 class QTabWidget;
+class QTextBrowser;
 
 namespace trigpoint {
 
@@ -52,7 +52,7 @@ class CompareDesk : public QWidget {
   QCheckBox* views_;  // also the answers of single views
   QTabWidget* tabs_;
   QTableWidget *errors_, *differences_;
-  QPlainTextEdit* text_;
+  QTextBrowser* text_;
   QWidget* scenes_;
   QLabel* note_;
   int generation_ = 0;

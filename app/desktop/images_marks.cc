@@ -20,7 +20,7 @@ namespace {
 constexpr double kMarkRing_px = 4;  // about a mark, in the picture
 
 // Whether an image below the project is the one that `where` names: the same path, or RUN/FILE.
-bool IsOf(const QString& image, const QString& where) { return image == where || image.endsWith("/" + where); }
+bool IsOf(const QString& image, const QString& where) { return NamesPath(where.toStdString(), image.toStdString()); }
 
 QString Words(const MarkStep* step) {
   if (step == nullptr) return QString();

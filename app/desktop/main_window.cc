@@ -53,7 +53,7 @@ namespace trigpoint {
 namespace {
 
 constexpr int kMostRecent = 10;
-constexpr int kDocks = 320, kWideDocks = 420;  // pixels: width of the docks at the left
+constexpr int kDocks = 344, kWideDocks = 420;  // pixels: width of the docks at the left
 
 QPalette DarkPalette() {
   QPalette dark;

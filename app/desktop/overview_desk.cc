@@ -174,7 +174,7 @@ void OverviewDesk::Load() {
   const int generation = ++generation_;
   if (!workspace_->snapshot()) return;
   if (!overview_) title_->setText(tr("Reading ..."));
-  const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
+  const DisplayUnit& unit = workspace_->display_unit();
   InBackground(
       this,
       [snapshot = workspace_->snapshot(), results = workspace_->results(), unit] {

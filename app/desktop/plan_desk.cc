@@ -269,14 +269,15 @@ void PlanDesk::ReadPrediction() {
   places_.clear();
   prediction_->clear();
   for (QTableWidget* table : {tags_, gains_}) table->setRowCount(0);
-  if (!workspace_->snapshot() || !workspace_->snapshot()->project) return;
-  if (jobs_->running()) return;
-  stale_ = sketch_.changed();
-  try {
-    ShowPrediction();
-  } catch (const std::exception& e) {
-    prediction_->setText(QString::fromUtf8(e.what()));
+  if (workspace_->snapshot() && workspace_->snapshot()->project && !jobs_->running()) {
+    stale_ = sketch_.changed();
+    try {
+      ShowPrediction();
+    } catch (const std::exception& e) {
+      prediction_->setText(QString::fromUtf8(e.what()));
+    }
   }
+  for (QTableWidget* table : {tags_, gains_}) table->setVisible(table->rowCount() > 0);  // the map needs the room
 }
 
 std::optional<size_t> PlanDesk::IndexOf(const QString& object) const {
@@ -607,7 +608,7 @@ void PlanDesk::HeadPrediction(bool proposed) {
 void PlanDesk::ShowPrediction() {
   const fs::path folder = PlanFolder(*workspace_->snapshot()->project);
   if (!fs::exists(folder / "summary.json")) return;
-  const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
+  const DisplayUnit& unit = workspace_->display_unit();
   const nlohmann::json summary = nlohmann::json::parse(ReadTextFile(folder / "summary.json"));
   prediction_->setText(Text(PlanSummary(summary, unit)).trimmed());
   const auto add = [](QTableWidget* table, const QStringList& cells, const QVariant& object) {

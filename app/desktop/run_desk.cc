@@ -115,7 +115,10 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   connect(cancel_, &QPushButton::clicked, this, [this] { status_->setText(tr("Stopping ...")); });
   ConnectJobs();
   connect(workspace_, &Workspace::Replaced, this, &RunDesk::Forget);
-  const auto show_unit = [this] { graph_->SetUnit(workspace_->unit(), workspace_->metres_per_unit()); };
+  const auto show_unit = [this] {
+    graph_->SetUnit(workspace_->display_unit());
+    ShowResults();
+  };
   connect(workspace_, &Workspace::UnitChanged, graph_, show_unit);
   connect(workspace_, &Workspace::Opened, this, &RunDesk::Refresh);
   connect(workspace_, &Workspace::Closed, this, &RunDesk::Refresh);
@@ -271,7 +274,7 @@ void RunDesk::ShowResults() {
     const int row = results_->rowCount();
     results_->insertRow(row);
     const QStringList cells{QString::fromStdString(result.title), TextOfState(result.state),
-                            QString::fromStdString(result.metric),
+                            QString::fromStdString(result.metric.Text(workspace_->display_unit())),
                             result.seconds > 0 ? QString::number(result.seconds, 'f', 1) : QString()};
     for (int c = 0; c < cells.size(); ++c) {
       auto* item = new QTableWidgetItem(cells[c]);

@@ -610,7 +610,7 @@ void SceneDesk::ShowSelected() {
   vtk_->highlighted.clear();
   if (!vtk_->view) return;
   Note("");  // what was done before is of another selection
-  vtk_->view->SetUnit({workspace_->unit().toStdString(), workspace_->metres_per_unit()});
+  vtk_->view->SetUnit(workspace_->display_unit());
   QStringList texts;
   for (const std::string& object : workspace_->related()) {
     const std::vector<ScenePick> found = vtk_->Find(object);

@@ -279,7 +279,7 @@ void ServicesDialog::ShowFound() {
 
 void ServicesDialog::ShowRows() {
   filling_ = true;
-  map_->SetUnit({workspace_->unit().toStdString(), workspace_->metres_per_unit()});
+  map_->SetUnit(workspace_->display_unit());
   SearchArea area;
   area.points = track_;
   table_->setRowCount(static_cast<int>(found_.size()));

@@ -174,7 +174,7 @@ void SiteTree::FillResults() {
     item->setData(0, kRun, QString::fromStdString(result.run));
     item->setData(0, kVariant, QString::fromStdString(result.variant));
     item->setForeground(1, ColourOfState(result.state));
-    item->setToolTip(0, QString::fromStdString(result.metric));
+    item->setToolTip(0, QString::fromStdString(result.metric.Text(workspace_->display_unit())));
     item->setToolTip(1, QString::fromStdString(result.reason));
   }
 }

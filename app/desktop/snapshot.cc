@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string_view>
+#include <tuple>
 
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/stages.h"
@@ -24,16 +26,22 @@ const char* KindName(ReferenceKind kind) {
   return "";
 }
 
-std::string Metric(const StageInfo& stage, const nlohmann::json& manifest) {
-  if (!manifest.is_object() || stage.metric.empty()) return "";
+StageMetric Metric(const StageInfo& stage, const nlohmann::json& manifest) {
+  using Kind = StageMetric::Kind;
+  if (!manifest.is_object() || stage.metric.empty()) return {};
   const nlohmann::json metrics = manifest.value("metrics", nlohmann::json::object());
   const auto it = metrics.find(stage.metric);
-  if (it == metrics.end() || it->is_null()) return "";
-  if (stage.metric.ends_with("_m") && it->is_number()) {
-    return fmt::format("{} {:.3f} m", stage.metric.substr(0, stage.metric.size() - 2), it->get<double>());
+  if (it == metrics.end()) return {};
+  if (it->is_string()) return {Kind::kWord, it->get<std::string>(), 0, ""};  // a verdict, a page
+  if (!it->is_number()) return {};
+  StageMetric metric{it->is_number_integer() ? Kind::kCount : Kind::kNumber, stage.metric, it->get<double>(), ""};
+  for (const auto& [suffix, kind, unit] :
+       {std::tuple("_m", Kind::kLength, ""), std::tuple("_px", Kind::kNumber, "px")}) {
+    if (!stage.metric.ends_with(suffix)) continue;
+    metric.name = stage.metric.substr(0, stage.metric.size() - std::string_view(suffix).size());
+    metric.kind = kind, metric.unit = unit;
   }
-  if (it->is_string()) return it->get<std::string>();  // a verdict, a page: says itself what it is
-  return stage.metric + " " + it->dump();
+  return metric;
 }
 
 double Seconds(const nlohmann::json& manifest) {
@@ -125,6 +133,17 @@ SnapshotResult Describe(const Job& job) {
 }
 
 }  // namespace
+
+std::string StageMetric::Text(const DisplayUnit& shown) const {
+  switch (kind) {
+    case Kind::kNone: return "";
+    case Kind::kWord: return name;  // says itself what it is
+    case Kind::kCount: return fmt::format("{} {:.0f}", name, value);
+    case Kind::kLength: return fmt::format("{} {:.3f} {}", name, value / shown.metres, shown.name);
+    case Kind::kNumber: break;
+  }
+  return fmt::format("{} {:.3f}{}{}", name, value, unit.empty() ? "" : " ", unit);
+}
 
 const SnapshotRun* Snapshot::FindRun(const std::string& run) const {
   for (const SnapshotRun& r : runs) {

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "eval/text/display_unit.h"
+
 namespace trigpoint {
 
 class Project;
@@ -47,12 +49,22 @@ struct SnapshotControl {
   int tag_id = -1;                 // at its centre or a corner; -1: marked in images
 };
 
+// What a result is in one number or word: "detections 42", "median 0.344 m", "passed".
+struct StageMetric {
+  enum class Kind { kNone, kCount, kNumber, kLength, kWord };
+  Kind kind = Kind::kNone;
+  std::string name;  // of the number; else the word
+  double value = 0;  // a length: in metres
+  std::string unit;  // of a number that is no length; may be empty
+  std::string Text(const DisplayUnit& shown) const;
+};
+
 struct SnapshotResult {
   std::string stage, run, variant, title;
   std::string state;   // done, out of date, failed, running, missing, not needed; empty: not looked at yet
   std::string reason;  // of a failure
-  std::string metric;  // the main one, with its value, metres
-  double seconds = 0;  // that it took; 0: not known
+  StageMetric metric;
+  double seconds = 0;                 // that it took; 0: not known
   std::optional<uint64_t> seed = {};  // that it was made with; nothing: not known
 };
 

@@ -30,19 +30,12 @@ int RankOf(const std::string& state) {
 }
 
 // "detections 12" and another result's "detections 30": 42; "median 0.3 m" and "median 0.5 m": the larger.
-void AddMetric(const std::string& metric, StageBox* box) {
-  const QString text = QString::fromStdString(metric), before = QString::fromStdString(box->metric);
-  const auto value = [](const QString& of) { return of.section(' ', 1, 1); };
-  bool number = false, count = false;
-  const double to_add = value(text).toDouble(&number);
-  value(text).toLongLong(&count);
-  if (before.isEmpty()) {
+void AddMetric(const StageMetric& metric, StageBox* box) {
+  if (box->metric.kind == StageMetric::Kind::kNone) {
     box->metric = metric;
-    box->summed = count;
-  } else if (count && box->summed) {
-    box->metric = (text.section(' ', 0, 0) + QString(" %1").arg(value(before).toLongLong() + value(text).toLongLong()))
-                      .toStdString();
-  } else if (number && to_add > value(before).toDouble()) {
+  } else if (metric.kind == StageMetric::Kind::kCount) {
+    box->metric.value += metric.value;
+  } else if (metric.value > box->metric.value) {
     box->metric = metric;
   }
 }
@@ -57,7 +50,7 @@ std::vector<StageBox> BoxesWithoutNeeds(const std::vector<SnapshotResult>& resul
       if (result.stage != stage.name || result.state == "not needed") continue;
       if (box.results == 0 || RankOf(result.state) < RankOf(box.state)) box.state = result.state;
       if (box.results == 0) variant = result.variant;
-      if (result.variant == variant && !result.metric.empty()) AddMetric(result.metric, &box);
+      if (result.variant == variant) AddMetric(result.metric, &box);
       ++box.results;
       box.done += result.state == "done" ? 1 : 0;
       box.seconds += result.seconds;
@@ -196,17 +189,10 @@ QString StageGraph::DoneText(const StageBox& box) {
   return tr("%1 of %2 done").arg(box.done).arg(box.results);
 }
 
-// "median 0.344 m" as the manifest has it.
-QString StageGraph::MetricText(const StageBox& box) const {
-  const QString text = QString::fromStdString(box.metric);
-  const QStringList words = text.split(' ');
-  if (words.size() != 3 || words[2] != "m") return text;
-  return words[0] + " " + QString::number(words[1].toDouble() / metres_, 'f', 3) + " " + unit_;
-}
+QString StageGraph::MetricText(const StageBox& box) const { return QString::fromStdString(box.metric.Text(unit_)); }
 
-void StageGraph::SetUnit(const QString& unit, double metres) {
+void StageGraph::SetUnit(const DisplayUnit& unit) {
   unit_ = unit;
-  metres_ = metres;
   Describe();
   update();
 }
@@ -216,8 +202,12 @@ QString StageGraph::DescriptionOf(const StageBox& box) const {
   text += DoneText(box);
   if (box.results > 1 && box.state != "done") text += ", " + tr("worst: %1").arg(TextOfState(box.state));
   if (box.seconds > 0) text += ", " + DurationText(box.seconds);
-  if (!box.metric.empty()) text += ", " + MetricText(box);
-  if (!box.metric.empty() && box.results > 1) text += " " + (box.summed ? tr("in all") : tr("at most"));
+  const StageMetric::Kind kind = box.metric.kind;
+  if (kind == StageMetric::Kind::kNone) return text;
+  text += ", " + MetricText(box);
+  if (box.results > 1 && kind != StageMetric::Kind::kWord) {
+    text += " " + (kind == StageMetric::Kind::kCount ? tr("in all") : tr("at most"));
+  }
   return text;
 }
 

@@ -15,8 +15,7 @@ struct StageBox {
   std::string state;          // the worst of its results: failed, running, out of date, missing, done
   int results = 0, done = 0;  // those that are not needed do not count
   double seconds = 0;         // sum over the results that are there; 0: not known
-  std::string metric;         // the main one; of several results the sum of a count, else the largest
-  bool summed = false;        // it is a count
+  StageMetric metric;         // of several results the sum of a count, else the largest
   std::vector<size_t> needs;  // boxes, without those that are needed through others
   int layer = 0;              // below those of its needs
   int row = 0, place = 0;     // where it is drawn, from the top and from the left
@@ -32,7 +31,7 @@ class StageGraph : public QWidget {
   explicit StageGraph(QWidget* parent = nullptr);
   void Show(std::vector<StageBox> boxes);
   // In which metrics that are lengths are said.
-  void SetUnit(const QString& unit, double metres);
+  void SetUnit(const DisplayUnit& unit);
   // The same stages, with what became of their results.
   void ShowStates(const std::vector<SnapshotResult>& results);
   const std::vector<StageBox>& boxes() const { return boxes_; }
@@ -65,8 +64,7 @@ class StageGraph : public QWidget {
   void SetCurrent(int box);
 
   std::vector<StageBox> boxes_;
-  QString unit_ = "m";
-  double metres_ = 1;
+  DisplayUnit unit_;
   int current_ = 0;
 };
 

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <tuple>
+#include <utility>
 
 #include "app/desktop/decisions.h"
 #include "app/desktop/flow_layout.h"
@@ -145,7 +146,7 @@ void StationCard::ShowTitle() {
 
 void StationCard::ShowHeader() {
   const QString unit = workspace_->unit();
-  const QStringList header{tr("run"), tr("3D"),      QString::fromUtf8("\xcf\x83 3D"), tr("within"), "dE", "dN",
+  const QStringList header{tr("run"), tr("3D"),      QString::fromUtf8("\xcf\x83 3D"), tr("tol."), "dE", "dN",
                            "dU",      tr("NEES/dof")};
   table_->setColumnCount(header.size());
   table_->setHorizontalHeaderLabels(header);
@@ -185,11 +186,10 @@ void StationCard::ShowAnswers() {
     if (IsShown(a.station, a.panorama) && Text(a.variant) == variant_) rows.push_back(&a);
   }
   std::stable_sort(rows.begin(), rows.end(), [](const auto* a, const auto* b) { return a->panorama < b->panorama; });
-  const OverviewAnswer* before = nullptr;
+  std::string titled;
   for (const OverviewAnswer* answer : rows) {
     const OverviewAnswer& a = *answer;
-    if (NamesPanoramas() && (before == nullptr || before->panorama != a.panorama)) AddPanorama(a.panorama);
-    before = answer;
+    TitlePanorama(a.panorama, &titled);
     const int row = table_->rowCount();
     table_->insertRow(row);
     Put(row, 0, Text(a.run), Text(a.panorama));
@@ -211,8 +211,9 @@ bool StationCard::NamesPanoramas() const {
   return object_.startsWith("station:") && overview_->places.HasSeveral(object_.section(':', 1).toStdString());
 }
 
-// A row of its own: beside the run's name it would make the first column wide.
-void StationCard::AddPanorama(const std::string& panorama) {
+// In a row of its own: beside the run's name it would make the first column wide.
+void StationCard::TitlePanorama(const std::string& panorama, std::string* titled) {
+  if (!NamesPanoramas() || std::exchange(*titled, panorama) == panorama) return;
   const int row = table_->rowCount();
   table_->insertRow(row);
   const std::string name = overview_->places.PanoramaName(object_.section(':', 1).toStdString(), panorama);
@@ -280,10 +281,9 @@ void StationCard::AddTitle(const QString& text, const QString& below) {
 void StationCard::AddGroup(const std::vector<const ErrorRecord*>& rows) {
   const ErrorRecord& first = *rows.front();
   AddTitle(Text(first.kind + ", " + MethodName(first.method)), Text("against " + ReferenceName(first.reference)));
-  const ErrorRecord* before = nullptr;
+  std::string titled;
   for (const ErrorRecord* e : rows) {
-    if (NamesPanoramas() && (before == nullptr || before->panorama != e->panorama)) AddPanorama(e->panorama);
-    before = e;
+    TitlePanorama(e->panorama, &titled);
     AddRow(*e);
   }
 }

@@ -42,7 +42,8 @@ class StationCard : public QWidget {
   bool HasGroundTruth() const;  // that the project's answers can be compared with
   // Whether the rows of what is shown name the panorama that they are of.
   bool NamesPanoramas() const;
-  void AddPanorama(const std::string& panorama);
+  // Before its first row, where the station has several; `titled`: the panorama of the rows before.
+  void TitlePanorama(const std::string& panorama, std::string* titled);
   QString Note(bool errors, bool answers) const;
   bool IsShown(const std::string& station, const std::string& panorama) const;
   QTableWidgetItem* Put(int row, int column, const QString& text, const QString& help);

@@ -37,12 +37,7 @@ constexpr const char* kHidden = "tables/hidden";
 
 QString ObjectOf(const QModelIndex& row) { return row.data(DataTableModel::kObjectRole).toString(); }
 
-// Empty in a table that has no such column.
-QString RunOf(const DataTable& table, const QModelIndex& row) {
-  const auto column = std::find(table.columns.begin(), table.columns.end(), "run");
-  if (column == table.columns.end()) return "";
-  return row.sibling(row.row(), static_cast<int>(column - table.columns.begin())).data().toString();
-}
+QString RunOf(const QModelIndex& row) { return row.data(kRunRole).toString(); }
 
 // As the other desks name it; nothing: as the file has it. A status is one of answers in these stages' tables alone.
 std::optional<std::string> WordFor(const DataTable& table, const std::string& column, const std::string& text) {
@@ -51,6 +46,8 @@ std::optional<std::string> WordFor(const DataTable& table, const std::string& co
   const bool answers = table.title.starts_with("evaluate") || table.title.starts_with("localize");
   return column == "status" && answers ? std::optional(StatusName(text)) : std::nullopt;
 }
+
+}  // namespace
 
 // What has no value comes last, whichever way one sorts.
 class BlanksLast : public QSortFilterProxyModel {
@@ -83,8 +80,6 @@ class BlanksLast : public QSortFilterProxyModel {
   QStringList words_;
 };
 
-}  // namespace
-
 void DataTableModel::SetTable(std::shared_ptr<const DataTable> table) {
   beginResetModel();
   table_ = std::move(table);
@@ -102,6 +97,8 @@ void DataTableModel::SetTable(std::shared_ptr<const DataTable> table) {
     numeric_.push_back(numeric);
     formats_.push_back(FormatOf(QString::fromStdString(table_->columns[c]), numeric));
   }
+  run_ = 0;
+  while (table_ && run_ < table_->columns.size() && table_->columns[run_] != "run") ++run_;
   rows_.clear();
   for (size_t r = 0; table_ && r < table_->objects.size(); ++r) {
     if (!table_->objects[r].empty()) rows_.emplace(table_->objects[r], static_cast<int>(r));
@@ -140,9 +137,10 @@ QVariant DataTableModel::data(const QModelIndex& index, int role) const {
       if (const auto word = WordFor(*table_, table_->columns[c], text.toStdString())) {
         return QString::fromStdString(*word);
       }
-      return formats_[c].Cell(text, {workspace_->unit().toStdString(), workspace_->metres_per_unit()});
+      return formats_[c].Cell(text, workspace_->display_unit());
     case Qt::ToolTipRole: return text;  // as the file has it
     case kSortRole: return numeric_[c] ? (text.isEmpty() ? QVariant() : QVariant(text.toDouble())) : QVariant(text);
+    case kRunRole: return run_ < table_->columns.size() ? QString::fromStdString(table_->rows[r][run_]) : QString();
     case kObjectRole: return QString::fromStdString(table_->objects[r]);
     case Qt::TextAlignmentRole:
       return static_cast<int>((numeric_[c] ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignVCenter);
@@ -168,7 +166,7 @@ QVariant DataTableModel::headerData(int section, Qt::Orientation orientation, in
   if (!table_ || (role != Qt::DisplayRole && role != Qt::ToolTipRole)) return {};
   if (orientation == Qt::Vertical) return section + 1;
   const auto c = static_cast<size_t>(section);
-  const DisplayUnit unit{workspace_->unit().toStdString(), workspace_->metres_per_unit()};
+  const DisplayUnit& unit = workspace_->display_unit();
   if (role == Qt::ToolTipRole) {
     return ColumnHelp(*table_, QString::fromStdString(table_->columns[c]), formats_[c].UnitShown(unit));
   }
@@ -227,7 +225,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   connect(tree_, &QTreeWidget::currentItemChanged, this, &TablesDesk::ShowTable);
   connect(filter_, &QLineEdit::textChanged, this, [this](const QString& text) {
     showing_ = true;  // rows that go take the current one along: that is no choice of anybody's
-    static_cast<BlanksLast*>(proxy_)->FilterBy(text);
+    proxy_->FilterBy(text);
     showing_ = false;
     ShowSelected();
     count_->setText(tr("%1 of %2 rows").arg(proxy_->rowCount()).arg(model_->rowCount()));
@@ -252,7 +250,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
   connect(view_->selectionModel(), &QItemSelectionModel::selectionChanged, this, [this](const QItemSelection& chosen) {
     if (showing_ || chosen.isEmpty()) return;
     const QModelIndex row = chosen.indexes().front();
-    workspace_->Select(ObjectOf(row), RunOf(*model_->table(), row));
+    workspace_->Select(ObjectOf(row), RunOf(row));
   });
   connect(view_, &QTableView::activated, this, [this](const QModelIndex& row) { emit Activated(ObjectOf(row)); });
   connect(workspace_, &Workspace::Replaced, this, [this] {
@@ -416,7 +414,7 @@ void TablesDesk::ShowTable() {
 void TablesDesk::ShowSelected() {
   view_->viewport()->update();  // what belongs to the selection is tinted
   const QString& run = workspace_->run();
-  const auto is_of_run = [&](const QModelIndex& row) { return run.isEmpty() || RunOf(*model_->table(), row) == run; };
+  const auto is_of_run = [&](const QModelIndex& row) { return run.isEmpty() || RunOf(row) == run; };
   for (const QModelIndex& row : view_->selectionModel()->selectedRows()) {
     if (ObjectOf(row) == workspace_->selected() && is_of_run(row)) return;
   }

@@ -40,7 +40,10 @@ class DataTableModel : public QAbstractTableModel {
   std::unordered_multimap<std::string, int> rows_;  // by object
   std::vector<ColumnFormat> formats_;
   std::vector<bool> numeric_;  // columns of numbers
+  size_t run_ = 0;             // the column that names the row's run; past the last one: there is none
 };
+
+class BlanksLast;
 
 class TablesDesk : public QWidget {
   Q_OBJECT
@@ -78,7 +81,7 @@ class TablesDesk : public QWidget {
   QLabel *count_, *empty_;
   QTableView* view_;
   DataTableModel* model_;
-  QSortFilterProxyModel* proxy_;
+  BlanksLast* proxy_;
   bool showing_ = false;  // the selection comes from another desk
   int generation_ = 0;
 };

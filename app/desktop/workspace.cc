@@ -66,8 +66,8 @@ void Workspace::CheckStates() {
   if (!snapshot_) return;
   InBackground(
       this, [snapshot = snapshot_] { return StatesOfSnapshot(*snapshot); },
-      [this, generation = generation_](const Attempted<std::vector<SnapshotResult>>& states) {
-        if (generation != generation_) return;
+      [this, generation = generation_, asked = ++states_](const Attempted<std::vector<SnapshotResult>>& states) {
+        if (generation != generation_ || asked != states_) return;
         if (!states.error.isEmpty()) {
           emit Problem(states.error, tr("What is out of date is not known."));
           return;
@@ -113,14 +113,13 @@ void Workspace::AskMenu(const QString& object, const QPoint& at) {
 }
 
 void Workspace::SetUnit(const QString& name) {
-  if (name == unit_) return;
-  metres_ = DisplayUnitNamed(name.toStdString()).metres;
-  unit_ = name;
+  if (name == unit()) return;
+  unit_ = DisplayUnitNamed(name.toStdString());
   emit UnitChanged();
 }
 
 QString Workspace::Length(double metres, int decimals) const {
-  return QString::number(metres / metres_, 'f', decimals) + " " + unit_;
+  return QString::number(metres / unit_.metres, 'f', decimals) + " " + unit();
 }
 
 }  // namespace trigpoint

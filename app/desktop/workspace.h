@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "app/desktop/snapshot.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 
@@ -52,8 +53,9 @@ class Workspace : public QObject {
   void AskMenu(const QString& object, const QPoint& at);
 
   // "m", "ft", "us-ft".
-  const QString& unit() const { return unit_; }
-  double metres_per_unit() const { return metres_; }
+  QString unit() const { return QString::fromStdString(unit_.name); }
+  double metres_per_unit() const { return unit_.metres; }
+  const DisplayUnit& display_unit() const { return unit_; }
   void SetUnit(const QString& name);
   // "1.234 m" in the unit shown.
   QString Length(double metres, int decimals = 3) const;
@@ -79,12 +81,12 @@ class Workspace : public QObject {
   std::map<std::string, std::shared_ptr<SharedInspector>> inspectors_;  // by run@variant
   QString selected_, run_;
   std::set<std::string> related_;
-  QString unit_ = "m";
-  double metres_ = 1;
+  DisplayUnit unit_;
   int opening_ = 0;
   bool again_ = false;   // what is opened is the same project again
   bool reload_ = false;  // asked for while a project was opened
   int generation_ = 0;
+  int states_ = 0;  // how often states were asked for: an answer to an earlier question is not shown
 };
 
 }  // namespace trigpoint

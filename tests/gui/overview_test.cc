@@ -114,14 +114,14 @@ TEST_F(OverviewTest, ACellAPlaceAndATreeSelectTheSameStation) {
   }));
 }
 
-TEST_F(OverviewTest, TheCardShowsErrorSigmaAndToleranceAtItsFirstWidth) {
+TEST_F(OverviewTest, TheCardShowsErrorSigmaToleranceAndAxesAtItsFirstWidth) {
   window_->workspace()->Select("station:S2");
   auto* card = Child<QTableWidget>(window_.get(), "card.table");
   ASSERT_EQ(card->rowCount(), 2);
   ASSERT_TRUE(WaitFor([&] { return card->isVisible() && card->viewport()->width() > 100; }));
-  const QStringList first{"run", "3D", QString::fromUtf8("\xcf\x83 3D"), "within"};
+  const QStringList first{"run", "3D", QString::fromUtf8("\xcf\x83 3D"), "tol.", "dE", "dN", "dU"};
   for (int c = 0; c < first.size(); ++c) EXPECT_EQ(card->horizontalHeaderItem(c)->text(), first[c]);
-  EXPECT_LE(card->columnViewportPosition(3) + card->columnWidth(3), card->viewport()->width());
+  EXPECT_LE(card->columnViewportPosition(6) + card->columnWidth(6), card->viewport()->width());
   QFont bold = card->font();
   bold.setBold(true);
   for (const QString& line : card->item(0, 0)->text().split('\n')) {

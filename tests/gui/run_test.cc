@@ -246,7 +246,7 @@ TEST_F(RunTest, ControlsAndColumnsSayWhatTheyMean) {
 
 TEST_F(RunTest, TheGraphShowsMetricsAndFitsItsWindow) {
   ReadLongResult();
-  EXPECT_EQ(Box("detect")->metric, "detections 8");
+  EXPECT_EQ(Box("detect")->metric.Text({}), "detections 8");
   for (size_t b = 0; b < graph_->boxes().size(); ++b) {
     EXPECT_TRUE(graph_->visibleRegion().boundingRect().contains(graph_->RectOf(b).toAlignedRect()))
         << graph_->boxes()[b].stage;
@@ -255,7 +255,7 @@ TEST_F(RunTest, TheGraphShowsMetricsAndFitsItsWindow) {
   // It is drawn.
   std::vector<StageBox> boxes = graph_->boxes();
   const QImage with = graph_->grab().toImage();
-  for (StageBox& box : boxes) box.metric.clear();
+  for (StageBox& box : boxes) box.metric = {};
   graph_->Show(boxes);
   EXPECT_NE(graph_->grab().toImage(), with);
 }
@@ -280,21 +280,24 @@ TEST_F(RunTest, InASmallWindowNoStageIsBeyondTheGraphsRightEdge) {
 
 TEST_F(RunTest, OfSeveralResultsCountsAreAddedAndTheLargestErrorIsTaken) {
   std::vector<SnapshotResult> results;
-  const auto add = [&](const char* stage, const char* run, const char* variant, const char* metric) {
+  const auto add = [&](const char* stage, const char* run, const char* variant, StageMetric metric) {
     SnapshotResult result;
-    result.stage = stage, result.run = run, result.variant = variant, result.metric = metric, result.state = "done";
+    result.stage = stage, result.run = run, result.variant = variant, result.metric = std::move(metric),
+    result.state = "done";
     results.push_back(result);
   };
-  add("detect", "run1", "", "detections 12");
-  add("detect", "run2", "", "detections 30");
-  add("localize", "run1", "", "localized 3");
-  add("localize", "run1", "trial", "localized 4");  // another answer to the same
-  add("evaluate", "run1", "", "median 0.300 m");
-  add("evaluate", "run2", "", "median 0.500 m");
+  using Kind = StageMetric::Kind;
+  add("detect", "run1", "", {Kind::kCount, "detections", 12, ""});
+  add("detect", "run2", "", {Kind::kCount, "detections", 30, ""});
+  add("localize", "run1", "", {Kind::kCount, "localized", 3, ""});
+  add("localize", "run1", "trial", {Kind::kCount, "localized", 4, ""});  // another answer to the same
+  add("evaluate", "run1", "", {Kind::kLength, "median", 0.3, ""});
+  add("evaluate", "run2", "", {Kind::kLength, "median", 0.5, ""});
   graph_->Show(StageBoxesOf(*window_->workspace()->snapshot()->project, results));
-  EXPECT_EQ(Box("detect")->metric, "detections 42");
-  EXPECT_EQ(Box("localize")->metric, "localized 3");
-  EXPECT_EQ(Box("evaluate")->metric, "median 0.500 m");
+  EXPECT_EQ(Box("detect")->metric.Text({}), "detections 42");
+  EXPECT_EQ(Box("localize")->metric.Text({}), "localized 3");
+  EXPECT_EQ(Box("evaluate")->metric.Text({}), "median 0.500 m");
+  EXPECT_EQ(Box("evaluate")->metric.Text({"ft", 0.3048}), "median 1.640 ft");
   EXPECT_THAT(graph_->accessibleDescription().toStdString(), HasSubstr("detections 42 in all"));
   EXPECT_THAT(graph_->accessibleDescription().toStdString(), HasSubstr("median 0.500 m at most"));
 }

@@ -5261,10 +5261,6 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
         <translation>3D</translation>
     </message>
     <message>
-        <source>within</source>
-        <translation>innerhalb</translation>
-    </message>
-    <message>
         <source>NEES/dof</source>
         <translation>NEES/FG</translation>
     </message>
@@ -5343,6 +5339,10 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     <message>
         <source>Its answers are not compared: ground truth is missing (stations.csv, and tags.yaml or control_points.csv).</source>
         <translation>Ihre Antworten sind nicht verglichen: Die Sollwerte fehlen (stations.csv, dazu tags.yaml oder control_points.csv).</translation>
+    </message>
+    <message>
+        <source>tol.</source>
+        <translation>Tol.</translation>
     </message>
 </context>
 <context>
