@@ -575,10 +575,6 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
   const std::vector<MeasuredMotion> motions = images <= options.pairs
                                                   ? MeasureNeighbours(input, options, threads, seed, cancel)
                                                   : MeasureSample(input, options, threads, seed, cancel);
-  const JumpGates gates(input.odom_from_body, motions);
-  if (const auto place = FindBrokenPlace(input, motions, gates)) {
-    return Jump(input, odometry, place->first, place->second);
-  }
   std::vector<PoseReading> readings = PoseReadings();
   if (!input.cameras.empty()) {
     const BodyCamera& camera = input.cameras.front();
@@ -592,6 +588,11 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
                                                 -clock->offset_s, clock->sigma_s));
     }
     if (clock && clock->significant) return OtherClock(*clock, odometry);
+  }
+  // On another clock a few steps differ most, and would look like a jump.
+  const JumpGates gates(input.odom_from_body, motions);
+  if (const auto place = FindBrokenPlace(input, motions, gates)) {
+    return Jump(input, odometry, place->first, place->second);
   }
   const bool noisy = IsNoise(verdict, input.odom_from_body, motions);
   const bool contradicted = verdict.kind == ReadingVerdict::Kind::kContradicted;
