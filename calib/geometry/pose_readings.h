@@ -46,7 +46,7 @@ struct MotionAgreement {
 
 MotionAgreement CompareMotions(const std::vector<Rigid3d>& odom_from_body, const std::vector<MeasuredMotion>& motions);
 
-// Motions between the same few poses share these poses' errors: one fewer than there are poses is independent.
+// Motions that share poses share errors: of n poses, at most n - 1 motions are independent.
 int IndependentMotions(const std::vector<MeasuredMotion>& motions);
 
 // Whether one motion agrees, in as far as it shows anything.

@@ -31,8 +31,8 @@ struct ReferenceViews {
   bool stitched = false;  // a whole hand-held set: the run tells the size of its rig
 };
 
-// Factors on the standard deviations of odometry's stated noise. Stops far apart are often well placed and badly
-// turned.
+// Factors on the standard deviations of odometry's stated noise. Two, since stops that are far apart often have good
+// positions and bad rotations.
 struct OdometryNoise {
   double rotation = 1, translation = 1;
 };

@@ -245,8 +245,8 @@ std::vector<OddStep> FindOddSteps(const LocalizeInput& input, size_t count) {
   return odd;
 }
 
-// By how much a motion differs where odometry jumps: it stands out from the noise of all motions. Odometry of stops
-// some metres apart is a few degrees off everywhere, and so are motions that so different pictures show.
+// A motion shows a jump of odometry only if it differs by more than these, which grow with the noise of all motions:
+// where stops are some metres apart, odometry and the motions that images show are a few degrees off everywhere.
 struct JumpGates {
   double turn_rad = 10 * kDegToRad, direction_rad = 15 * kDegToRad;
   double aside_m = 0;  // across the direction that the images show
@@ -299,8 +299,8 @@ bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddS
   return false;
 }
 
-// One motion that can say alone that a step is wrong: from a pose to the next, by many matches, far off, and as the
-// steps around it make likely. Repeated windows or traffic show others.
+// Whether one motion alone shows that a step is wrong: it is from a pose to the next, has many matches, differs much,
+// and agrees with the steps around it. Motions that repeated windows or traffic pretend do not agree with these.
 bool IsShownWell(const std::vector<Rigid3d>& poses, const MeasuredMotion& m, const std::vector<OddStep>& odd,
                  const JumpGates& gates) {
   constexpr int kMatches = 50;
@@ -589,7 +589,7 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
     }
     if (clock && clock->significant) return OtherClock(*clock, odometry);
   }
-  // On another clock a few steps differ most, and would look like a jump.
+  // After the clock: on another clock a few steps differ most and look like a jump.
   const JumpGates gates(input.odom_from_body, motions);
   if (const auto place = FindBrokenPlace(input, motions, gates)) {
     return Jump(input, odometry, place->first, place->second);

@@ -43,7 +43,7 @@ double Chi2Of(const std::vector<double>& off, double noise_rad, size_t independe
   return sum * static_cast<double>(independent) / static_cast<double>(off.size());
 }
 
-// Turns between the same few images share their errors: one image less than there are is independent.
+// Turns that share images share errors: of n images, at most n - 1 turns are independent.
 size_t IndependentOf(const std::vector<MeasuredTurn>& turns) {
   std::set<int64_t> images;
   for (const MeasuredTurn& turn : turns) images.insert({turn.a_ns, turn.b_ns});
@@ -117,7 +117,8 @@ std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const
   const Tried none{0, DifferencesAt(odometry, turns, 0)};
   clock.off_before_rad = none.off.empty() ? M_PI : Median(none.off);
   clock.agrees = std::abs(clock.offset_s) <= std::max(kLeastOffset_s, 3 * clock.sigma_s);
-  // Between its poses odometry is interpolated, which halves its noise: no offset is compared with one of half a step.
+  // Between its poses odometry is interpolated, which halves its noise. The clock as stated is therefore judged by the
+  // best of the offsets 0 and half a step either way.
   Tried near = none;
   for (const double half_s : {-0.5 * step_s, 0.5 * step_s}) {
     Tried t{half_s, DifferencesAt(odometry, turns, half_s)};

@@ -447,7 +447,7 @@ OdometryNoise MatchingNoise(const LocalizeInput& input, const std::vector<PoseFa
 
 // By how much odometry is noisier than stated, by what neighbouring images see of each other without it. Images may be
 // wrong together: those count whose triangles close, and the median decides, as few bad steps do not make the odometry
-// bad. 1 of a part that shows no excess. Nothing where all excess may be chance, or too few images can be compared.
+// bad. A part without excess has the factor 1. Nothing if all excess may be chance, or too few images can be compared.
 std::optional<OdometryNoise> NoiseByImages(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
                                            const std::vector<PoseFactor>& odometry, const ViewGraphOptions& options,
                                            int threads, uint64_t seed, const CancelToken& cancel) {
