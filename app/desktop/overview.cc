@@ -8,6 +8,7 @@
 
 #include "calib/base/counted.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/natural_order.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/project/look.h"
 #include "datasets/project/stage.h"
@@ -58,6 +59,7 @@ void FillAnswers(const ReportData& data, Overview* overview) {
     }
   }
   overview->panoramas.assign(panoramas.begin(), panoramas.end());
+  std::sort(overview->panoramas.begin(), overview->panoramas.end(), NaturalLess);
   overview->runs.assign(runs.begin(), runs.end());
 }
 

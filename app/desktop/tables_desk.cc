@@ -25,6 +25,7 @@
 #include "app/desktop/column_help.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/tolerance.h"
+#include "datasets/io/natural_order.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {
@@ -73,7 +74,8 @@ class BlanksLast : public QSortFilterProxyModel {
     const QVariant a = left.data(sortRole()), b = right.data(sortRole());
     const bool no_a = a.toString().isEmpty(), no_b = b.toString().isEmpty();
     if (no_a != no_b) return sortOrder() == Qt::AscendingOrder ? no_b : no_a;
-    return QSortFilterProxyModel::lessThan(left, right);
+    if (a.type() != QVariant::String) return QSortFilterProxyModel::lessThan(left, right);
+    return NaturalLess(a.toString().toStdString(), b.toString().toStdString());
   }
 
  private:

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "datasets/io/natural_order.h"
 
 namespace trigpoint {
 namespace {
@@ -23,31 +24,6 @@ bool IsPicture(const fs::path& file) {
 }
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
-
-// Numbers within names count as numbers.
-bool NaturalLess(const std::string& a, const std::string& b) {
-  size_t i = 0, k = 0;
-  while (i < a.size() && k < b.size()) {
-    if (IsDigit(a[i]) && IsDigit(b[k])) {
-      size_t ae = i, be = k;
-      while (i < a.size() && a[i] == '0') ++i;
-      while (k < b.size() && b[k] == '0') ++k;
-      for (ae = i; ae < a.size() && IsDigit(a[ae]);) ++ae;
-      for (be = k; be < b.size() && IsDigit(b[be]);) ++be;
-      if (ae - i != be - k) return ae - i < be - k;
-      const int order = a.compare(i, ae - i, b, k, be - k);
-      if (order != 0) return order < 0;
-      i = ae;
-      k = be;
-    } else {
-      if (a[i] != b[k]) return a[i] < b[k];
-      ++i;
-      ++k;
-    }
-  }
-  if ((i < a.size()) != (k < b.size())) return i == a.size();
-  return a < b;
-}
 
 std::vector<fs::path> Matches(const std::string& pattern) {
   glob_t found{};

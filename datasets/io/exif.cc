@@ -8,6 +8,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/exif_positions.h"
+#include "datasets/io/natural_order.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -173,30 +174,6 @@ std::string LowerExtension(const std::filesystem::path& file) {
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return extension;
-}
-
-// IMG_2 before IMG_10: runs of digits compare as numbers.
-bool NaturalLess(const std::string& a, const std::string& b) {
-  const auto digit = [](char c) { return c >= '0' && c <= '9'; };
-  size_t i = 0, k = 0;
-  while (i < a.size() && k < b.size()) {
-    if (digit(a[i]) && digit(b[k])) {
-      const auto number = [&](const std::string& s, size_t* at) {
-        while (*at < s.size() && s[*at] == '0') ++*at;
-        const size_t begin = *at;
-        while (*at < s.size() && digit(s[*at])) ++*at;
-        return std::string_view(s).substr(begin, *at - begin);
-      };
-      const std::string_view x = number(a, &i), y = number(b, &k);
-      if (x.size() != y.size()) return x.size() < y.size();
-      if (x != y) return x < y;
-    } else if (a[i] != b[k]) {
-      return a[i] < b[k];
-    } else {
-      ++i, ++k;
-    }
-  }
-  return a.size() - i != b.size() - k ? a.size() - i < b.size() - k : a < b;
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "datasets/io/csv.h"
+#include "datasets/io/natural_order.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
@@ -17,6 +18,17 @@ namespace trigpoint {
 namespace {
 
 using testing::HasSubstr;
+
+TEST(NaturalOrder, NumbersWithinNamesAreNumbers) {
+  const std::vector<std::string> ordered = {"672.jpg",  "1015.jpg",  "a",     "a/img_2",
+                                            "a/img_10", "a/img_10b", "b_007", "b_08"};
+  for (size_t i = 0; i < ordered.size(); ++i) {
+    for (size_t k = 0; k < ordered.size(); ++k) {
+      EXPECT_EQ(NaturalLess(ordered[i], ordered[k]), i < k) << ordered[i] << ' ' << ordered[k];
+    }
+  }
+  EXPECT_NE(NaturalLess("img_7", "img_07"), NaturalLess("img_07", "img_7"));  // a strict order, also of equal numbers
+}
 
 TEST(Csv, ReadsWhatSpreadsheetsWrite) {
   const TempDir dir;

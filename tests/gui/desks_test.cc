@@ -162,7 +162,7 @@ TEST_F(DesksTest, TableSortsFiltersCopiesExportsAndShowsFeet) {
 TEST_F(DesksTest, TablesStandInATreeWithUnitsColoursAndBlanksLast) {
   WriteFileAtomically(Path("results/evaluate/extra.csv").toStdString(),
                       "# trigpoint extra 1\nstation,error_3d_m,heading_deg,left_m\n"
-                      "S0,0.02,1.23456789,3\nS1,,2,0.00001\nS2,1.5,-3,2\n");
+                      "S0,0.02,1.23456789,3\nS9,,2,0.00001\nS10,1.5,-3,2\n");
   window_->workspace()->Reload();
   window_->ShowDesk("tables");
   TablesDesk* tables = window_->tables();
@@ -180,9 +180,11 @@ TEST_F(DesksTest, TablesStandInATreeWithUnitsColoursAndBlanksLast) {
   EXPECT_EQ(column(2), "1.2346 2.0000 -3.0000");
   EXPECT_EQ(column(3), "3.0000 1e-05 2.0000");  // never a zero that is none
   view_->sortByColumn(1, Qt::AscendingOrder);
-  EXPECT_EQ(column(0), "S0 S2 S1");
+  EXPECT_EQ(column(0), "S0 S10 S9");
+  view_->sortByColumn(0, Qt::AscendingOrder);
+  EXPECT_EQ(column(0), "S0 S9 S10");
   view_->sortByColumn(1, Qt::DescendingOrder);
-  EXPECT_EQ(column(0), "S2 S0 S1");
+  EXPECT_EQ(column(0), "S10 S0 S9");
   const auto colour = [&](int row) { return view_->model()->index(row, 1).data(Qt::BackgroundRole); };
   EXPECT_TRUE(colour(0).isValid());
   EXPECT_NE(colour(0), colour(1));
