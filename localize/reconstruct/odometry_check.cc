@@ -598,8 +598,8 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
   const bool contradicted = verdict.kind == ReadingVerdict::Kind::kContradicted;
   if (contradicted && !noisy) return Contradiction(verdict, odometry);
   progress.Log(contradicted ? LogLevel::kWarning : LogLevel::kInfo,
-               "odometry against images: pairs of images agree with " + Counts(verdict.as_read) +
-                   (contradicted ? ": its rotations are taken as noisy" : ""));
+               (contradicted ? odometry : "odometry") + ": pairs of images agree with " + Counts(verdict.as_read) +
+                   (contradicted ? "; its rotations are taken as noisy" : ""));
   const std::string calibration = (std::filesystem::path(odometry).parent_path() / "camchain.yaml").string();
   if (auto wrong = FindWrongMount(input, motions, calibration, progress)) return wrong;
   if (auto wrong = FindWrongStretch(input, motions, odometry, progress)) return wrong;
