@@ -1,6 +1,7 @@
 #include "app/desktop/charts.h"
 
 #include "app/desktop/overview.h"
+#include "app/desktop/report_text.h"
 #include "eval/report/chapters.h"
 
 namespace trigpoint {
@@ -21,7 +22,7 @@ std::string TitleOf(const std::string& caption) {
 }  // namespace
 
 PaintedDrawing PaintDrawing(const Drawing& drawing, double scale) {
-  PaintedDrawing painted{PngOf(drawing, scale), drawing.spots, drawing.groups};
+  PaintedDrawing painted{PngOf(InWindowLanguage(drawing), scale), drawing.spots, drawing.groups};
   for (Spot& spot : painted.spots) spot.x *= scale, spot.y *= scale;
   for (SpotGroup& g : painted.groups) g.x *= scale, g.y *= scale, g.width *= scale, g.height *= scale;
   return painted;

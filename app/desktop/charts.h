@@ -16,6 +16,7 @@ struct PaintedDrawing {
   std::vector<SpotGroup> groups;
 };
 
+// Its words in the window's language.
 PaintedDrawing PaintDrawing(const Drawing& drawing, double scale);
 
 struct NamedChart {

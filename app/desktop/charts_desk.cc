@@ -12,6 +12,7 @@
 
 #include "app/desktop/background.h"
 #include "app/desktop/picture_view.h"
+#include "app/desktop/report_text.h"
 
 namespace trigpoint {
 
@@ -129,9 +130,9 @@ void ChartsDesk::Load() {
           const QSignalBlocker block(list_);
           list_->clear();
           for (const NamedChart& chart : charts_) {
-            auto* entry = new QListWidgetItem(QString::fromStdString(chart.title), list_);
+            auto* entry = new QListWidgetItem(ReportText(chart.title), list_);
             entry->setData(Qt::UserRole, QString::fromStdString(chart.name));
-            entry->setToolTip(QString::fromStdString(chart.caption));
+            entry->setToolTip(ReportText(chart.caption));
           }
         }
         if (!Choose(before)) list_->setCurrentRow(0);
@@ -162,8 +163,8 @@ void ChartsDesk::ShowChart() {
     view_->SetPicture({}, tr("No chart yet: run evaluate, then they are drawn here as in the report."));
     return;
   }
-  ShowDrawing(view_, chart->painted, QString::fromStdString(chart->title));
-  caption_->setText(QString::fromStdString(chart->caption));
+  ShowDrawing(view_, chart->painted, ReportText(chart->title));
+  caption_->setText(ReportText(chart->caption));
   ShowSelected();
 }
 

@@ -18,6 +18,7 @@
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/number_item.h"
 #include "app/desktop/object_table.h"
+#include "app/desktop/report_text.h"
 #include "app/desktop/scene_desk.h"
 #include "app/desktop/views_box.h"
 #include "app/pipeline/reviewed.h"
@@ -304,10 +305,10 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
     errors_->insertRow(r);
     std::optional<double> difference;
     if (row.before_m && row.after_m) difference = *row.after_m - *row.before_m;
-    const std::string before = StatusName(row.status_before), after = StatusName(row.status_after);
-    const QString status = QString::fromStdString(before == after ? before : before + " / " + after);
-    const QStringList cells{QString::fromStdString(ReferenceName(row.reference)),
-                            QString::fromStdString(row.method),
+    const QString before = ReportText(StatusName(row.status_before)), after = ReportText(StatusName(row.status_after));
+    const QString status = before == after ? before : before + " / " + after;
+    const QStringList cells{ReportText(ReferenceName(row.reference)),
+                            ReportText(row.method),
                             QString::fromStdString(row.run),
                             QString::fromStdString(row.station),
                             QString::fromStdString(row.panorama),

@@ -28,6 +28,7 @@
 #include "app/desktop/object_table.h"
 #include "app/desktop/overview.h"
 #include "app/desktop/picture_view.h"
+#include "app/desktop/report_text.h"
 #include "app/desktop/tolerance.h"
 #include "eval/text/method_name.h"
 
@@ -68,19 +69,19 @@ QWidget* Tile(const Fact& fact) {
       QString("QFrame#tile { background: palette(base); border-left: 4px solid %1; }").arg(ToneColour(fact.tone)));
   tile->setFixedWidth(kTileWidth);
   tile->setSizePolicy(QSizePolicy::Fixed, QSizePolicy::Expanding);
-  tile->setToolTip(Text(fact.detail));
+  tile->setToolTip(ReportText(fact.detail));
   auto* column = new QVBoxLayout(tile);
   column->setContentsMargins(10, 6, 8, 6);
   column->setSpacing(1);
-  auto* value = new QLabel(Text(fact.value));
+  auto* value = new QLabel(ReportText(fact.value));
   QFont large = value->font();
   large.setPointSizeF(1.5 * large.pointSizeF());
   large.setBold(true);
   value->setFont(large);
   value->setTextInteractionFlags(Qt::TextSelectableByMouse);
-  auto* detail = new QLabel(QString("<small>%1</small>").arg(Text(fact.detail).toHtmlEscaped()));
+  auto* detail = new QLabel(QString("<small>%1</small>").arg(ReportText(fact.detail).toHtmlEscaped()));
   detail->setWordWrap(true);
-  column->addWidget(new QLabel(Text(fact.label)));
+  column->addWidget(new QLabel(ReportText(fact.label)));
   column->addWidget(value);
   column->addWidget(detail);
   column->addStretch();
@@ -296,7 +297,7 @@ void OverviewDesk::ShowFolder(QVBoxLayout* column) {
   const auto list = [&](const QString& title, const std::vector<std::string>& lines) {
     if (lines.empty()) return;
     QString text = "<b>" + title + "</b><ul>";
-    for (const std::string& line : lines) text += "<li>" + Text(line).toHtmlEscaped() + "</li>";
+    for (const std::string& line : lines) text += "<li>" + ReportText(line).toHtmlEscaped() + "</li>";
     column->addWidget(Wrapped(text + "</ul>"));
   };
   column->addWidget(Wrapped(tr("This folder has no trigpoint.yaml. Nothing is written into it until you ask for it.")));
@@ -308,9 +309,9 @@ void OverviewDesk::ShowVerdict(QVBoxLayout* column) {
   bool matrix = overview_->matrix.empty() && overview_->panoramas.empty();
   for (const Block& block : overview_->verdict) {
     if (const auto* heading = std::get_if<Heading>(&block)) {
-      column->addWidget(new QLabel("<b>" + Text(heading->text) + "</b>"));
+      column->addWidget(new QLabel("<b>" + ReportText(heading->text) + "</b>"));
     } else if (const auto* paragraph = std::get_if<Paragraph>(&block)) {
-      const QString anchor = Text(paragraph->anchor), words = Text(paragraph->text).toHtmlEscaped();
+      const QString anchor = Text(paragraph->anchor), words = ReportText(paragraph->text).toHtmlEscaped();
       QLabel* label =
           Wrapped(anchor.contains(':') ? QString("<a href=\"%1\">%2</a>").arg(anchor.toHtmlEscaped(), words) : words);
       if (paragraph->tone != Tone::kPlain) {
@@ -355,7 +356,7 @@ QTableWidgetItem* OverviewDesk::MatrixItem(const ErrorRecord& e) const {
   auto* item = new QTableWidgetItem;
   item->setTextAlignment(Qt::AlignCenter);
   item->setToolTip(QString("%1, %2, %3: %4").arg(Text(e.run), Text(e.station), Text(e.panorama), Text(e.status)) +
-                   (e.reason.empty() ? "" : "\n" + Text(e.reason)));
+                   (e.reason.empty() ? "" : "\n" + ReportText(e.reason)));
   QString text, below;
   if (e.Answered()) {
     text = QString::number(*e.error_3d_m / metres, 'f', 3);
@@ -369,7 +370,7 @@ QTableWidgetItem* OverviewDesk::MatrixItem(const ErrorRecord& e) const {
     item->setForeground(colours.text);
   } else {
     text = StatusText(e.status);
-    below = Elided(Text(e.reason));
+    below = Elided(ReportText(e.reason));
   }
   item->setText(below.isEmpty() ? text : text + "\n" + below);
   return item;
@@ -381,10 +382,10 @@ QTableWidgetItem* OverviewDesk::AnswerItem(const OverviewAnswer& answer) const {
   item->setData(Qt::UserRole + 1, Text("panorama:" + answer.panorama));
   item->setTextAlignment(Qt::AlignCenter);
   const QString sigma = answer.sigma_m ? SigmaText(*answer.sigma_m) : QString();
-  const QString below = located ? sigma : Elided(Text(answer.reason));
+  const QString below = located ? sigma : Elided(ReportText(answer.reason));
   if (!below.isEmpty()) item->setText(item->text() + "\n" + below);
   item->setToolTip(QString("%1, %2: %3").arg(Text(answer.run), Text(answer.panorama), Text(answer.status)) +
-                   (answer.reason.empty() ? "" : "\n" + Text(answer.reason)));
+                   (answer.reason.empty() ? "" : "\n" + ReportText(answer.reason)));
   return item;
 }
 
@@ -430,7 +431,7 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
   column->addWidget(Wrapped(
       HasReference() ? tr("<b>3D error (%1)</b>, %2. Below it 1 sigma of the difference, and NEES per degree of "
                           "freedom (about 1 if the sigmas are right).")
-                           .arg(unit, Text(overview_->comparison).toHtmlEscaped())
+                           .arg(unit, ReportText(overview_->comparison).toHtmlEscaped())
                      : tr("<b>Answers</b>, without a reference to compare them with. Below each the 1 sigma that it "
                           "states, of its largest axis (%1), or why there is none.")
                            .arg(unit)));
@@ -487,7 +488,8 @@ QString OverviewDesk::WarningsText(size_t most) const {
   const std::vector<OverviewWarning>& warnings = overview_->warnings;
   QString text = "<b>" + tr("Warnings (%1)").arg(warnings.size()) + "</b><ul>";
   for (size_t i = 0; i < std::min(most, warnings.size()); ++i) {
-    const QString words = Text(warnings[i].text).toHtmlEscaped(), object = Text(warnings[i].object).toHtmlEscaped();
+    const QString words = ReportText(warnings[i].text).toHtmlEscaped(),
+                  object = Text(warnings[i].object).toHtmlEscaped();
     text += "<li>" + (object.isEmpty() ? words : QString("<a href=\"%1\">%2</a>").arg(object, words)) + "</li>";
   }
   text += "</ul>";
@@ -511,7 +513,7 @@ void OverviewDesk::ShowWarnings(QVBoxLayout* column) {
 void OverviewDesk::ShowPlan() {
   const PaintedDrawing plan = overview_ ? overview_->plan : PaintedDrawing();
   ShowDrawing(plan_, plan, plan.png.empty() ? tr("Nothing to draw yet.") : tr("plan"));
-  if (overview_) plan_->setToolTip(Text(overview_->plan_caption));
+  if (overview_) plan_->setToolTip(ReportText(overview_->plan_caption));
 }
 
 void OverviewDesk::SaveThumbnail() const {

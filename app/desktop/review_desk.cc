@@ -16,6 +16,7 @@
 #include "app/desktop/fitted_box.h"
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/object_table.h"
+#include "app/desktop/report_text.h"
 #include "app/desktop/run_desk.h"
 #include "app/desktop/views_box.h"
 #include "app/pipeline/reviewed.h"
@@ -273,10 +274,9 @@ void ReviewDesk::ShowChanges() {
     small += row.WithinSigma() ? 1 : 0;
     if (row.WithinSigma() && !small_changes_->isChecked()) continue;
     AddRow(changes_,
-           {QString::fromStdString(ReferenceName(row.reference)), QString::fromStdString(MethodName(row.method)),
+           {ReportText(ReferenceName(row.reference)), ReportText(MethodName(row.method)),
             QString::fromStdString(row.run), QString::fromStdString(row.station), text(row.before_m), text(row.after_m),
-            text(row.sigma_m), QString::fromStdString(StatusName(row.status_before)),
-            QString::fromStdString(StatusName(row.status_after))},
+            text(row.sigma_m), ReportText(StatusName(row.status_before)), ReportText(StatusName(row.status_after))},
            QString::fromStdString("station:" + row.station), false);
   }
   if (changed.empty()) {

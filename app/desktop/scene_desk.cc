@@ -32,6 +32,7 @@
 #include "app/desktop/measurement.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
+#include "app/desktop/report_text.h"
 #include "app/desktop/scene_overlay.h"
 #include "app/desktop/scene_styles.h"
 #include "app/desktop/scene_vtk.h"
@@ -490,6 +491,7 @@ void SceneDesk::Load() {
           SceneStyle style;
           style.text_px = 0.85 * fontMetrics().height() * devicePixelRatioF();
           style.max_labels = kMostLabels;  // those that have room are drawn
+          style.words = [](const std::string& english) { return ReportText(english).toStdString(); };
           // Two that stand side by side are drawn at one scale, in the same colours.
           if (twin_ != nullptr && twin_->vtk_->view) {
             style.error_scale = twin_->vtk_->view->ErrorScale();

@@ -26,6 +26,10 @@ QColor ColourOfState(const std::string& state) {
 }
 
 QString TextOfState(const std::string& state) {
+  [[maybe_unused]] static const char* kWords[] = {
+      QT_TRANSLATE_NOOP("trigpoint::SiteTree", "missing"),     QT_TRANSLATE_NOOP("trigpoint::SiteTree", "done"),
+      QT_TRANSLATE_NOOP("trigpoint::SiteTree", "out of date"), QT_TRANSLATE_NOOP("trigpoint::SiteTree", "failed"),
+      QT_TRANSLATE_NOOP("trigpoint::SiteTree", "running"),     QT_TRANSLATE_NOOP("trigpoint::SiteTree", "not needed")};
   return state.empty() ? SiteTree::tr("checking ...") : SiteTree::tr(state.c_str());
 }
 

@@ -15,6 +15,7 @@
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/overview.h"
+#include "app/desktop/report_text.h"
 #include "app/desktop/tolerance.h"
 #include "datasets/project/project.h"
 #include "eval/text/method_name.h"
@@ -193,11 +194,11 @@ void StationCard::ShowAnswers() {
     const int row = table_->rowCount();
     table_->insertRow(row);
     Put(row, 0, Text(a.run), Text(a.panorama));
-    QString text = a.status == "localized" ? tr("localized") : Text(StatusName(a.status));
+    QString text = a.status == "localized" ? tr("localized") : ReportText(StatusName(a.status));
     if (a.status == "localized" && a.sigma_m) {
       text += QString::fromUtf8(", \xcf\x83 ") + workspace_->Length(*a.sigma_m, kDecimals) + tr(" (largest axis)");
     }
-    if (!a.reason.empty()) text += ": " + Text(a.reason);
+    if (!a.reason.empty()) text += ": " + ReportText(a.reason);
     PutAcross(row, 1, text, text);
   }
 }
@@ -280,7 +281,8 @@ void StationCard::AddTitle(const QString& text, const QString& below) {
 
 void StationCard::AddGroup(const std::vector<const ErrorRecord*>& rows) {
   const ErrorRecord& first = *rows.front();
-  AddTitle(Text(first.kind + ", " + MethodName(first.method)), Text("against " + ReferenceName(first.reference)));
+  AddTitle(ReportText(first.kind + ", " + MethodName(first.method)),
+           ReportText("against " + ReferenceName(first.reference)));
   std::string titled;
   for (const ErrorRecord* e : rows) {
     TitlePanorama(e->panorama, &titled);
@@ -297,7 +299,8 @@ void StationCard::AddRow(const ErrorRecord& e) {
   const auto put = [&](int column, const QString& text) { return Put(row, column, text, Text(e.panorama)); };
   put(0, Text(e.run));
   if (!e.Answered()) {
-    const QString text = e.reason.empty() ? Text(StatusName(e.status)) : Text(StatusName(e.status) + ": " + e.reason);
+    const QString text =
+        e.reason.empty() ? ReportText(StatusName(e.status)) : ReportText(StatusName(e.status) + ": " + e.reason);
     PutAcross(row, 1, text, text);
     return;
   }

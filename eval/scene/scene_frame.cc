@@ -176,7 +176,7 @@ void SceneView::Parts::BuildLegend() {
   const auto add = [&](const char* layer, const std::string& text, const Colour& colour) {
     if (layers.count(layer) == 0) return;
     const auto line = vtkSmartPointer<vtkTextActor>::New();
-    line->SetInput((" " + text + " ").c_str());
+    line->SetInput(fmt::format(" {} ", Words(text)).c_str());
     line->GetPositionCoordinate()->SetCoordinateSystemToNormalizedViewport();
     // Dark words in a frame of the colour: not every colour is read as text on white.
     StyleText(line->GetTextProperty(), 0.85 * style.text_px, kBlack);

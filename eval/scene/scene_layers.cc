@@ -230,7 +230,7 @@ void SceneView::Parts::ColourPoints() {
   point_colours = Viridis(lowest, highest);
   DrawColoured(all_points, scalars);
   bar->SetLookupTable(point_colours);
-  bar_title->SetInput(TitleOf(points_by, by_rank, unit).c_str());
+  bar_title->SetInput(Words(TitleOf(points_by, by_rank, unit)).c_str());
 }
 
 // Values of the points, not of the cells they are drawn as: a vertex carries its colour, where a cell's must be looked

@@ -56,6 +56,7 @@ struct SceneView::Parts {
   double lowest = 0, highest = 1;
 
   Parts(const SceneModel& m, const SceneStyle& s) : model(m), style(s) {}
+  std::string Words(const std::string& english) const { return style.words ? style.words(english) : english; }
   void Add(const std::string& layer, vtkProp* prop, const std::string& run = "");
   bool IsOfHiddenRun(const vtkProp* prop) const;
   void PlaceBar(vtkRenderer* of) const;                      // its texts need their room in a small window, too

@@ -11,6 +11,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -51,6 +52,8 @@ struct SceneStyle {
   double text_px = 18;       // height of labels
   int max_spheres = 300;     // textured ones; further answers are dots
   int max_labels = 80;       // station and tag labels of each kind; with more, none are drawn
+  // Into the language of whoever looks; none: English.
+  std::function<std::string(const std::string&)> words;
 };
 
 // What lies under a pixel.

@@ -1,6 +1,6 @@
 // Pictures of every desk on a project with results, for docs/pictures and for looking at.
 //
-//   desktop_pictures DIR OUT [STATION [WIDTHxHEIGHT [THEME]]]   in an X server, such as that of xvfb-run
+//   desktop_pictures DIR OUT [STATION [WIDTHxHEIGHT [THEME [LANGUAGE]]]]   in an X server, such as that of xvfb-run
 #include <QVTKOpenGLNativeWidget.h>
 
 #include <QAbstractButton>
@@ -15,6 +15,7 @@
 #include <QTemporaryDir>
 #include <QTest>
 #include <QThreadPool>
+#include <QTranslator>
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -94,7 +95,7 @@ void SaveComparison(trigpoint::MainWindow& window, const QString& out) {
 
 int main(int argc, char** argv) {
   if (argc < 3) {
-    std::puts("desktop_pictures DIR OUT [STATION [WIDTHxHEIGHT [THEME]]]");
+    std::puts("desktop_pictures DIR OUT [STATION [WIDTHxHEIGHT [THEME [LANGUAGE]]]]");
     return 2;
   }
   const QTemporaryDir settings;
@@ -103,6 +104,10 @@ int main(int argc, char** argv) {
   QSurfaceFormat::setDefaultFormat(QVTKOpenGLNativeWidget::defaultFormat());
   QApplication app(argc, argv);
   QApplication::setOrganizationName("Trigpoint");
+  QTranslator translator;
+  if (argc > 6 && translator.load(QString("trigpoint_") + argv[6], app.applicationDirPath() + "/../share/trigpoint")) {
+    QApplication::installTranslator(&translator);
+  }
   const QString out = argv[2];
   std::filesystem::create_directories(argv[2]);
   {

@@ -1206,6 +1206,1225 @@
     </message>
 </context>
 <context>
+    <name>Report</name>
+    <message>
+        <source>language</source>
+        <translation>Sprache</translation>
+    </message>
+    <message>
+        <source>%1 run</source>
+        <translation>%1 Fahrt</translation>
+    </message>
+    <message>
+        <source>%1 runs</source>
+        <translation>%1 Fahrten</translation>
+    </message>
+    <message>
+        <source>%1 image</source>
+        <translation>%1 Bild</translation>
+    </message>
+    <message>
+        <source>%1 images</source>
+        <translation>%1 Bilder</translation>
+    </message>
+    <message>
+        <source>%1 panorama</source>
+        <translation>%1 Panorama</translation>
+    </message>
+    <message>
+        <source>%1 panoramas</source>
+        <translation>%1 Panoramen</translation>
+    </message>
+    <message>
+        <source>%1 photo</source>
+        <translation>%1 Foto</translation>
+    </message>
+    <message>
+        <source>%1 photos</source>
+        <translation>%1 Fotos</translation>
+    </message>
+    <message>
+        <source>%1 answer</source>
+        <translation>%1 Antwort</translation>
+    </message>
+    <message>
+        <source>%1 answers</source>
+        <translation>%1 Antworten</translation>
+    </message>
+    <message>
+        <source>%1 station</source>
+        <translation>%1 Station</translation>
+    </message>
+    <message>
+        <source>%1 stations</source>
+        <translation>%1 Stationen</translation>
+    </message>
+    <message>
+        <source>%1 pair</source>
+        <translation>%1 Paar</translation>
+    </message>
+    <message>
+        <source>%1 pairs</source>
+        <translation>%1 Paare</translation>
+    </message>
+    <message>
+        <source>%1 match</source>
+        <translation>%1 Zuordnung</translation>
+    </message>
+    <message>
+        <source>%1 matches</source>
+        <translation>%1 Zuordnungen</translation>
+    </message>
+    <message>
+        <source>%1 time</source>
+        <translation>%1-mal</translation>
+    </message>
+    <message>
+        <source>%1 times</source>
+        <translation>%1-mal</translation>
+    </message>
+    <message>
+        <source>%1 surveyed point</source>
+        <translation>%1 eingemessener Punkt</translation>
+    </message>
+    <message>
+        <source>%1 surveyed points</source>
+        <translation>%1 eingemessene Punkte</translation>
+    </message>
+    <message>
+        <source>%1 check point</source>
+        <translation>%1 Kontrollpunkt</translation>
+    </message>
+    <message>
+        <source>%1 check points</source>
+        <translation>%1 Kontrollpunkte</translation>
+    </message>
+    <message>
+        <source>%1 difference</source>
+        <translation>%1 Differenz</translation>
+    </message>
+    <message>
+        <source>%1 differences</source>
+        <translation>%1 Differenzen</translation>
+    </message>
+    <message>
+        <source>%1 references</source>
+        <translation>%1 Referenzen</translation>
+    </message>
+    <message>
+        <source>%1 maps</source>
+        <translation>%1 Karten</translation>
+    </message>
+    <message>
+        <source>%1 pieces of path</source>
+        <translation>%1 Wegstücke</translation>
+    </message>
+    <message>
+        <source>%1 of %2</source>
+        <translation>%1 von %2</translation>
+    </message>
+    <message>
+        <source>%1 and %2</source>
+        <translation>%1 und %2</translation>
+    </message>
+    <message>
+        <source>%1 to %2</source>
+        <translation>%1 bis %2</translation>
+    </message>
+    <message>
+        <source>%1 (%2)</source>
+        <translation>%1 (%2)</translation>
+    </message>
+    <message>
+        <source>%1 against %2</source>
+        <translation>%1 gegen %2</translation>
+    </message>
+    <message>
+        <source>%1 on %2</source>
+        <translation>%1 auf %2</translation>
+    </message>
+    <message>
+        <source>panoramas</source>
+        <translation>Panoramen</translation>
+    </message>
+    <message>
+        <source>photos</source>
+        <translation>Fotos</translation>
+    </message>
+    <message>
+        <source>panoramas and photos</source>
+        <translation>Panoramen und Fotos</translation>
+    </message>
+    <message>
+        <source>panorama</source>
+        <translation>Panorama</translation>
+    </message>
+    <message>
+        <source>view</source>
+        <translation>Ansicht</translation>
+    </message>
+    <message>
+        <source>panorama (G2)</source>
+        <translation>Panorama (G2)</translation>
+    </message>
+    <message>
+        <source>view (G1)</source>
+        <translation>Ansicht (G1)</translation>
+    </message>
+    <message>
+        <source>variant %1</source>
+        <translation>Variante %1</translation>
+    </message>
+    <message>
+        <source>absolute</source>
+        <translation>absolut</translation>
+    </message>
+    <message>
+        <source>relative</source>
+        <translation>relativ</translation>
+    </message>
+    <message>
+        <source>against %1</source>
+        <translation>gegen %1</translation>
+    </message>
+    <message>
+        <source>surveyed control</source>
+        <translation>eingemessene Passpunkte</translation>
+    </message>
+    <message>
+        <source>the run&apos;s own tags</source>
+        <translation>die Marken der Fahrt selbst</translation>
+    </message>
+    <message>
+        <source>the tag map</source>
+        <translation>die Markenkarte</translation>
+    </message>
+    <message>
+        <source>localized</source>
+        <translation>lokalisiert</translation>
+    </message>
+    <message>
+        <source>refused</source>
+        <translation>abgelehnt</translation>
+    </message>
+    <message>
+        <source>no match</source>
+        <translation>nicht zugeordnet</translation>
+    </message>
+    <message>
+        <source>no reference</source>
+        <translation>ohne Referenz</translation>
+    </message>
+    <message>
+        <source>missing</source>
+        <translation>fehlt</translation>
+    </message>
+    <message>
+        <source>passed</source>
+        <translation>bestanden</translation>
+    </message>
+    <message>
+        <source>failed</source>
+        <translation>nicht bestanden</translation>
+    </message>
+    <message>
+        <source>undecided</source>
+        <translation>unentschieden</translation>
+    </message>
+    <message>
+        <source>east</source>
+        <translation>Ost</translation>
+    </message>
+    <message>
+        <source>north</source>
+        <translation>Nord</translation>
+    </message>
+    <message>
+        <source>up</source>
+        <translation>hoch</translation>
+    </message>
+    <message>
+        <source>horizontally</source>
+        <translation>horizontal</translation>
+    </message>
+    <message>
+        <source>vertically</source>
+        <translation>vertikal</translation>
+    </message>
+    <message>
+        <source>Located</source>
+        <translation>Lokalisiert</translation>
+    </message>
+    <message>
+        <source>Relative error, 3D</source>
+        <translation>Relativer Fehler, 3D</translation>
+    </message>
+    <message>
+        <source>Absolute error, 3D</source>
+        <translation>Absoluter Fehler, 3D</translation>
+    </message>
+    <message>
+        <source>Absolute difference, 3D</source>
+        <translation>Absolute Differenz, 3D</translation>
+    </message>
+    <message>
+        <source>Common shift</source>
+        <translation>Gemeinsamer Versatz</translation>
+    </message>
+    <message>
+        <source>Stated uncertainty</source>
+        <translation>Angegebene Unsicherheit</translation>
+    </message>
+    <message>
+        <source>Agreement of runs</source>
+        <translation>Übereinstimmung der Fahrten</translation>
+    </message>
+    <message>
+        <source>Outlying geotags</source>
+        <translation>Abweichende Geotags</translation>
+    </message>
+    <message>
+        <source>Stated sigmas</source>
+        <translation>Angegebene Sigmas</translation>
+    </message>
+    <message>
+        <source>Check points, 3D</source>
+        <translation>Kontrollpunkte, 3D</translation>
+    </message>
+    <message>
+        <source>consistent</source>
+        <translation>stimmig</translation>
+    </message>
+    <message>
+        <source>too large</source>
+        <translation>zu groß</translation>
+    </message>
+    <message>
+        <source>too small</source>
+        <translation>zu klein</translation>
+    </message>
+    <message>
+        <source>mixed</source>
+        <translation>uneinheitlich</translation>
+    </message>
+    <message>
+        <source>In the run&apos;s own frame, against %1</source>
+        <translation>Im eigenen System der Fahrt, gegen %1</translation>
+    </message>
+    <message>
+        <source>In site coordinates, against %1</source>
+        <translation>In Koordinaten des Messgebiets, gegen %1</translation>
+    </message>
+    <message>
+        <source>In site coordinates, against %1, which shares data with the answers: agreement, not accuracy</source>
+        <translation>In Koordinaten des Messgebiets, gegen %1; beide nutzen dieselben Daten: Übereinstimmung, nicht Genauigkeit</translation>
+    </message>
+    <message>
+        <source>part of the absolute error that all answers share, by %1 (length of the mean error)</source>
+        <translation>Teil des absoluten Fehlers, der allen Antworten gemeinsam ist, durch %1 (Länge des mittleren Fehlers)</translation>
+    </message>
+    <message>
+        <source>the geotags&apos; own error</source>
+        <translation>den Fehler der Geotags</translation>
+    </message>
+    <message>
+        <source>the GPS&apos;s own error</source>
+        <translation>den Fehler des GPS</translation>
+    </message>
+    <message>
+        <source>the georeference</source>
+        <translation>die Georeferenz</translation>
+    </message>
+    <message>
+        <source>median distance between the places that two runs give a panorama, %1</source>
+        <translation>Median des Abstands der Orte, die zwei Fahrten einem Panorama geben, %1</translation>
+    </message>
+    <message>
+        <source>%1 whose geotag the runs contradict</source>
+        <translation>%1, deren Geotag die Fahrten widersprechen</translation>
+    </message>
+    <message>
+        <source>in runs&apos; own frames %1: %2</source>
+        <translation>in den eigenen Systemen der Fahrten %1: %2</translation>
+    </message>
+    <message>
+        <source>RMSE of the tag map at %1 it was not fitted to</source>
+        <translation>RMSE der Markenkarte an %1, an die sie nicht angepasst wurde</translation>
+    </message>
+    <message>
+        <source>%1 located</source>
+        <translation>%1 lokalisiert</translation>
+    </message>
+    <message>
+        <source>%1 of %2 located</source>
+        <translation>%1 von %2 lokalisiert</translation>
+    </message>
+    <message>
+        <source>%1 of %2 located, median %3 error</source>
+        <translation>%1 von %2 lokalisiert, Median des Fehlers, %3</translation>
+    </message>
+    <message>
+        <source>reconstructed</source>
+        <translation>rekonstruiert</translation>
+    </message>
+    <message>
+        <source>not georeferenced</source>
+        <translation>nicht georeferenziert</translation>
+    </message>
+    <message>
+        <source>The %1 runs with the largest median of %2.</source>
+        <translation>Die %1 Fahrten mit dem größten Median, von %2.</translation>
+    </message>
+    <message>
+        <source>%1 localized against %2</source>
+        <translation>%1 lokalisiert gegen %2</translation>
+    </message>
+    <message>
+        <source>There is no reference to compare the answers with, so their accuracy is not measured here</source>
+        <translation>Es gibt keine Referenz für die Antworten; ihre Genauigkeit wird hier nicht gemessen</translation>
+    </message>
+    <message>
+        <source>%1 without panoramas or photos of known position: there is nothing to localize</source>
+        <translation>%1 ohne Panoramen oder Fotos an bekannten Orten: es gibt nichts zu lokalisieren</translation>
+    </message>
+    <message>
+        <source>The poses of the images are in results/localize/&lt;run&gt;/cameras_odom.tum</source>
+        <translation>Die Posen der Bilder stehen in results/localize/&lt;run&gt;/cameras_odom.tum</translation>
+    </message>
+    <message>
+        <source>No run of this project is localized yet, so there are no answers to show.</source>
+        <translation>Noch ist keine Fahrt dieses Projekts lokalisiert; es gibt keine Antworten.</translation>
+    </message>
+    <message>
+        <source>There are neither photos nor runs, so there is nothing to localize.</source>
+        <translation>Es gibt weder Fotos noch Fahrten, also nichts zu lokalisieren.</translation>
+    </message>
+    <message>
+        <source>There are photos but no run, so there is nothing to localize.</source>
+        <translation>Es gibt Fotos, aber keine Fahrt, also nichts zu lokalisieren.</translation>
+    </message>
+    <message>
+        <source>Sets of photos are stitched to panoramas.</source>
+        <translation>Fotosätze werden zu Panoramen zusammengesetzt.</translation>
+    </message>
+    <message>
+        <source>The evaluation is out of date: its numbers belong to earlier results.</source>
+        <translation>Die Auswertung ist veraltet: ihre Zahlen gehören zu früheren Ergebnissen.</translation>
+    </message>
+    <message>
+        <source>The evaluation is out of date (%1): its numbers belong to earlier results.</source>
+        <translation>Die Auswertung ist veraltet (%1): ihre Zahlen gehören zu früheren Ergebnissen.</translation>
+    </message>
+    <message>
+        <source>The evaluation is failed: its numbers belong to earlier results.</source>
+        <translation>Die Auswertung ist fehlgeschlagen: ihre Zahlen gehören zu früheren Ergebnissen.</translation>
+    </message>
+    <message>
+        <source>The evaluation is failed (%1): its numbers belong to earlier results.</source>
+        <translation>Die Auswertung ist fehlgeschlagen (%1): ihre Zahlen gehören zu früheren Ergebnissen.</translation>
+    </message>
+    <message>
+        <source>The table of gates is out of date: its numbers belong to earlier results.</source>
+        <translation>Die Tabelle der Abnahmegrenzen ist veraltet: ihre Zahlen gehören zu früheren Ergebnissen.</translation>
+    </message>
+    <message>
+        <source>The table of gates is out of date (%1): its numbers belong to earlier results.</source>
+        <translation>Die Tabelle der Abnahmegrenzen ist veraltet (%1): ihre Zahlen gehören zu früheren Ergebnissen.</translation>
+    </message>
+    <message>
+        <source>Look at these first</source>
+        <translation>Zuerst ansehen</translation>
+    </message>
+    <message>
+        <source>Largest error: %1 at %2, %3</source>
+        <translation>Größter Fehler: %1 an %2, %3</translation>
+    </message>
+    <message>
+        <source>%1 absolute</source>
+        <translation>%1 absolut</translation>
+    </message>
+    <message>
+        <source>%1 relative</source>
+        <translation>%1 relativ</translation>
+    </message>
+    <message>
+        <source>Outlying geotag: %1, %2 %3 from the answer</source>
+        <translation>Abweichender Geotag: %1, %2 %3 von der Antwort entfernt</translation>
+    </message>
+    <message>
+        <source>Outlying geotag: %1, %2 %3 from the answer (%4 sigma)</source>
+        <translation>Abweichender Geotag: %1, %2 %3 von der Antwort entfernt (%4 Sigma)</translation>
+    </message>
+    <message>
+        <source>Outlying geotag: %1, %2 %3 from the answer of %4</source>
+        <translation>Abweichender Geotag: %1, %2 %3 von der Antwort von %4 entfernt</translation>
+    </message>
+    <message>
+        <source>Outlying geotag: %1, %2 %3 from the answer of %4 (%5 sigma)</source>
+        <translation>Abweichender Geotag: %1, %2 %3 von der Antwort von %4 entfernt (%5 Sigma)</translation>
+    </message>
+    <message>
+        <source>%1 is not georeferenced</source>
+        <translation>%1 ist nicht georeferenziert</translation>
+    </message>
+    <message>
+        <source>%1 is not georeferenced: %2</source>
+        <translation>%1 ist nicht georeferenziert: %2</translation>
+    </message>
+    <message>
+        <source>Refused: %1 at %2</source>
+        <translation>Abgelehnt: %1 an %2</translation>
+    </message>
+    <message>
+        <source>Refused: %1 at %2, %3</source>
+        <translation>Abgelehnt: %1 an %2, %3</translation>
+    </message>
+    <message>
+        <source>Not matched: %1 at %2</source>
+        <translation>Nicht zugeordnet: %1 an %2</translation>
+    </message>
+    <message>
+        <source>Not matched: %1 at %2, %3</source>
+        <translation>Nicht zugeordnet: %1 an %2, %3</translation>
+    </message>
+    <message>
+        <source>Quality gates: %1</source>
+        <translation>Grenzwerte: %1</translation>
+    </message>
+    <message>
+        <source>Default gates (trigpoint.yaml sets none): %1</source>
+        <translation>Vorgegebene Grenzwerte (trigpoint.yaml setzt keine): %1</translation>
+    </message>
+    <message>
+        <source>%1, %2 of %3 passed</source>
+        <translation>%1, %2 von %3 bestanden</translation>
+    </message>
+    <message>
+        <source>And %1 more</source>
+        <translation>Und %1 weitere</translation>
+    </message>
+    <message>
+        <source>%1 &lt;= %2</source>
+        <translation>%1 &lt;= %2</translation>
+    </message>
+    <message>
+        <source>%1 &gt;= %2</source>
+        <translation>%1 &gt;= %2</translation>
+    </message>
+    <message>
+        <source>%1 % interval %2 to %3</source>
+        <translation>%1-%-Intervall %2 bis %3</translation>
+    </message>
+    <message>
+        <source>n = %1</source>
+        <translation>n = %1</translation>
+    </message>
+    <message>
+        <source>not evaluated</source>
+        <translation>nicht ausgewertet</translation>
+    </message>
+    <message>
+        <source>the value is too near the limit for more stations or runs to decide</source>
+        <translation>der Wert liegt zu nah am Grenzwert, als dass mehr Stationen oder Fahrten entscheiden könnten</translation>
+    </message>
+    <message>
+        <source>about %1 more station would decide</source>
+        <translation>etwa %1 Station mehr würde entscheiden</translation>
+    </message>
+    <message>
+        <source>about %1 more stations would decide</source>
+        <translation>etwa %1 Stationen mehr würden entscheiden</translation>
+    </message>
+    <message>
+        <source>about %1 more run would decide</source>
+        <translation>etwa %1 Fahrt mehr würde entscheiden</translation>
+    </message>
+    <message>
+        <source>about %1 more runs would decide</source>
+        <translation>etwa %1 Fahrten mehr würden entscheiden</translation>
+    </message>
+    <message>
+        <source>about %1 more stations, or about %2 more runs past the same ones, would decide</source>
+        <translation>etwa %1 Stationen mehr, oder etwa %2 Fahrten mehr an denselben vorbei, würden entscheiden</translation>
+    </message>
+    <message>
+        <source>about %1 more stations, or about %2 more run past the same ones, would decide</source>
+        <translation>etwa %1 Stationen mehr, oder etwa %2 Fahrt mehr an denselben vorbei, würden entscheiden</translation>
+    </message>
+    <message>
+        <source>about %1 more station, or about %2 more run past the same ones, would decide</source>
+        <translation>etwa %1 Station mehr, oder etwa %2 Fahrt mehr an denselben vorbei, würden entscheiden</translation>
+    </message>
+    <message>
+        <source>no answer with a reference</source>
+        <translation>keine Antwort mit einer Referenz</translation>
+    </message>
+    <message>
+        <source>too few answers for an interval</source>
+        <translation>zu wenige Antworten für ein Intervall</translation>
+    </message>
+    <message>
+        <source>no attempt</source>
+        <translation>kein Versuch</translation>
+    </message>
+    <message>
+        <source>no joint covariance of answers and reference</source>
+        <translation>keine gemeinsame Kovarianz von Antworten und Referenz</translation>
+    </message>
+    <message>
+        <source>the map has no check point</source>
+        <translation>die Karte hat keinen Kontrollpunkt</translation>
+    </message>
+    <message>
+        <source>the largest is that of %1</source>
+        <translation>der größte Wert ist der von %1</translation>
+    </message>
+    <message>
+        <source>the largest is that of tag %1</source>
+        <translation>der größte Wert ist der von Marke %1</translation>
+    </message>
+    <message>
+        <source>agreement: the reference shares evidence with the runs</source>
+        <translation>Übereinstimmung: die Referenz nutzt dieselben Daten wie die Fahrten</translation>
+    </message>
+    <message>
+        <source>fewer than two runs that can be mapped by themselves</source>
+        <translation>weniger als zwei Fahrten, die für sich eine Karte ergeben</translation>
+    </message>
+    <message>
+        <source>no reference was asked for</source>
+        <translation>es wurde nach keiner Referenz gefragt</translation>
+    </message>
+    <message>
+        <source>no image has both an estimate and a reference</source>
+        <translation>kein Bild hat Schätzung und Referenz</translation>
+    </message>
+    <message>
+        <source>%1 was not run</source>
+        <translation>%1 wurde nicht ausgeführt</translation>
+    </message>
+    <message>
+        <source>%1 is out of date</source>
+        <translation>%1 ist veraltet</translation>
+    </message>
+    <message>
+        <source>%1 is missing</source>
+        <translation>%1 fehlt</translation>
+    </message>
+    <message>
+        <source>%1 answers of %2 attempts</source>
+        <translation>%1 Antworten von %2 Versuchen</translation>
+    </message>
+    <message>
+        <source>no image of the run looks like it</source>
+        <translation>kein Bild der Fahrt sieht ihm ähnlich</translation>
+    </message>
+    <message>
+        <source>no match with a point of the run</source>
+        <translation>keine Zuordnung zu einem Punkt der Fahrt</translation>
+    </message>
+    <message>
+        <source>only %1 with points of the run</source>
+        <translation>nur %1 zu Punkten der Fahrt</translation>
+    </message>
+    <message>
+        <source>no pose explains the matches</source>
+        <translation>keine Pose erklärt die Zuordnungen</translation>
+    </message>
+    <message>
+        <source>no pose explains the matches (%1 of %2 agree)</source>
+        <translation>keine Pose erklärt die Zuordnungen (%1 von %2 stimmen überein)</translation>
+    </message>
+    <message>
+        <source>%1 points of the run fit the pose, %2 needed</source>
+        <translation>%1 Punkte der Fahrt passen zur Pose, %2 sind nötig</translation>
+    </message>
+    <message>
+        <source>%1 matches with points, %2 needed</source>
+        <translation>%1 Zuordnungen zu Punkten, %2 sind nötig</translation>
+    </message>
+    <message>
+        <source>too far from the nearest camera</source>
+        <translation>zu weit von der nächsten Kamera</translation>
+    </message>
+    <message>
+        <source>no view (G1) could be located by itself</source>
+        <translation>keine Ansicht (G1) ließ sich für sich lokalisieren</translation>
+    </message>
+    <message>
+        <source>no view matches</source>
+        <translation>keine Ansicht hat Zuordnungen</translation>
+    </message>
+    <message>
+        <source>no view matched</source>
+        <translation>keine Ansicht hat Zuordnungen</translation>
+    </message>
+    <message>
+        <source>not in panoramas.csv</source>
+        <translation>nicht in panoramas.csv</translation>
+    </message>
+    <message>
+        <source>no reference with a geotag is localized, and no GPS is used</source>
+        <translation>keine Referenz mit Geotag ist lokalisiert, und GPS wird nicht benutzt</translation>
+    </message>
+    <message>
+        <source>ambiguous: another pose, %1 away, explains %2 matches against %3</source>
+        <translation>mehrdeutig: eine andere Pose, %1 entfernt, erklärt %2 Zuordnungen gegen %3</translation>
+    </message>
+    <message>
+        <source>Plan, x and y in %1 (%2)</source>
+        <translation>Plan, x und y in %1 (%2)</translation>
+    </message>
+    <message>
+        <source>site ENU</source>
+        <translation>ENU des Messgebiets</translation>
+    </message>
+    <message>
+        <source>%1, against %2, %3</source>
+        <translation>%1, gegen %2, %3</translation>
+    </message>
+    <message>
+        <source>at true scale</source>
+        <translation>in wahrer Größe</translation>
+    </message>
+    <message>
+        <source>%1 times enlarged</source>
+        <translation>%1-fach vergrößert</translation>
+    </message>
+    <message>
+        <source>Without ellipse or head: %1 that reach too far for this enlargement</source>
+        <translation>Ohne Ellipse oder Spitze: %1, die für diese Vergrößerung zu weit reichen</translation>
+    </message>
+    <message>
+        <source>Without ellipse or head: %1 that reaches too far for this enlargement</source>
+        <translation>Ohne Ellipse oder Spitze: %1, die für diese Vergrößerung zu weit reicht</translation>
+    </message>
+    <message>
+        <source>difference x %1</source>
+        <translation>Differenz x %1</translation>
+    </message>
+    <message>
+        <source>its 95 % ellipse x %1</source>
+        <translation>95-%-Ellipse x %1</translation>
+    </message>
+    <message>
+        <source>east (%1)</source>
+        <translation>Ost (%1)</translation>
+    </message>
+    <message>
+        <source>north (%1)</source>
+        <translation>Nord (%1)</translation>
+    </message>
+    <message>
+        <source>up (%1)</source>
+        <translation>hoch (%1)</translation>
+    </message>
+    <message>
+        <source>share</source>
+        <translation>Anteil</translation>
+    </message>
+    <message>
+        <source>3D difference (%1)</source>
+        <translation>3D-Differenz (%1)</translation>
+    </message>
+    <message>
+        <source>share of attempts</source>
+        <translation>Anteil der Versuche</translation>
+    </message>
+    <message>
+        <source>Cumulative histogram of %1 3D differences from %2: the share of attempts with at most this difference (%3, logarithmic)</source>
+        <translation>Summenhistogramm der 3D-Differenzen (%1) von %2: Anteil der Versuche mit höchstens dieser Differenz (%3, logarithmisch)</translation>
+    </message>
+    <message>
+        <source>Cumulative histogram of %1 3D differences from %2, which share data with the answers: the share of attempts with at most this difference (%3, logarithmic)</source>
+        <translation>Summenhistogramm der 3D-Differenzen (%1) von %2 mit Daten, die auch die Antworten nutzen: Anteil der Versuche mit höchstens dieser Differenz (%3, logarithmisch)</translation>
+    </message>
+    <message>
+        <source>Cumulative histogram of %1 3D differences from %2</source>
+        <translation>Summenhistogramm der 3D-Differenzen (%1) von %2</translation>
+    </message>
+    <message>
+        <source>Cumulative histogram of %1 3D differences from %2, which share data with the answers</source>
+        <translation>Summenhistogramm der 3D-Differenzen (%1) von %2 mit gemeinsamen Daten</translation>
+    </message>
+    <message>
+        <source>A curve ends where the answers end: the rest are abstentions</source>
+        <translation>Eine Kurve endet, wo die Antworten enden: der Rest sind Enthaltungen</translation>
+    </message>
+    <message>
+        <source>Band: pointwise %1 % confidence of %2, resampled by station and run</source>
+        <translation>Band: punktweises %1-%-Vertrauen von %2, nach Station und Fahrt neu gezogen</translation>
+    </message>
+    <message>
+        <source>3D difference by station and run</source>
+        <translation>3D-Differenz nach Station und Fahrt</translation>
+    </message>
+    <message>
+        <source>3D difference by station and run (%1, logarithmic), %2</source>
+        <translation>3D-Differenz nach Station und Fahrt (%1, logarithmisch), %2</translation>
+    </message>
+    <message>
+        <source>%1 against %2, %3</source>
+        <translation>%1 gegen %2, %3</translation>
+    </message>
+    <message>
+        <source>every station with an answer</source>
+        <translation>jede Station mit einer Antwort</translation>
+    </message>
+    <message>
+        <source>the %1 stations with the largest differences of %2</source>
+        <translation>die %1 Stationen mit den größten Differenzen von %2</translation>
+    </message>
+    <message>
+        <source>%1 (n = %2)</source>
+        <translation>%1 (n = %2)</translation>
+    </message>
+    <message>
+        <source>Trust curve</source>
+        <translation>Vertrauenskurve</translation>
+    </message>
+    <message>
+        <source>Trust curve of variant %1</source>
+        <translation>Vertrauenskurve der Variante %1</translation>
+    </message>
+    <message>
+        <source>share of the errors inside the confidence region of the stated level (NEES against chi-square)</source>
+        <translation>Anteil der Fehler innerhalb des Vertrauensbereichs der angegebenen Stufe (NEES gegen Chi-Quadrat)</translation>
+    </message>
+    <message>
+        <source>stated confidence</source>
+        <translation>angegebenes Vertrauen</translation>
+    </message>
+    <message>
+        <source>share of errors inside</source>
+        <translation>Anteil der Fehler innerhalb</translation>
+    </message>
+    <message>
+        <source>chi-square, 3 dof</source>
+        <translation>Chi-Quadrat, 3 Freiheitsgrade</translation>
+    </message>
+    <message>
+        <source>Normalised errors squared per degree of freedom</source>
+        <translation>Normierte Fehlerquadrate je Freiheitsgrad</translation>
+    </message>
+    <message>
+        <source>Normalised errors squared per degree of freedom of variant %1</source>
+        <translation>Normierte Fehlerquadrate je Freiheitsgrad, Variante %1</translation>
+    </message>
+    <message>
+        <source>the last bin holds everything beyond it</source>
+        <translation>die letzte Klasse enthält alles darüber</translation>
+    </message>
+    <message>
+        <source>the last bin holds everything beyond</source>
+        <translation>die letzte Klasse enthält alles darüber</translation>
+    </message>
+    <message>
+        <source>Dashed: expected if the sigmas are right</source>
+        <translation>Gestrichelt: erwartet, wenn die Sigmas stimmen</translation>
+    </message>
+    <message>
+        <source>NEES / dof</source>
+        <translation>NEES / Freiheitsgrad</translation>
+    </message>
+    <message>
+        <source>Coverage and risk</source>
+        <translation>Abdeckung und Risiko</translation>
+    </message>
+    <message>
+        <source>Coverage and risk of variant %1</source>
+        <translation>Abdeckung und Risiko der Variante %1</translation>
+    </message>
+    <message>
+        <source>the 90th percentile of the 3D errors (%1) of the share of answers with the best supported depth</source>
+        <translation>das 90. Perzentil der 3D-Fehler (%1) des Anteils der Antworten mit der am besten gestützten Tiefe</translation>
+    </message>
+    <message>
+        <source>Where the curve falls towards the left, refusing the other answers reduces the error</source>
+        <translation>Wo die Kurve nach links fällt, verkleinert das Ablehnen der anderen Antworten den Fehler</translation>
+    </message>
+    <message>
+        <source>share of answers kept</source>
+        <translation>Anteil der behaltenen Antworten</translation>
+    </message>
+    <message>
+        <source>P90 of 3D error (%1)</source>
+        <translation>P90 des 3D-Fehlers (%1)</translation>
+    </message>
+    <message>
+        <source>Camera errors of %1 on %2</source>
+        <translation>Kamerafehler von %1 auf %2</translation>
+    </message>
+    <message>
+        <source>Camera errors of %1 on %2: estimate minus reference along the run</source>
+        <translation>Kamerafehler von %1 auf %2: Schätzung minus Referenz entlang der Fahrt</translation>
+    </message>
+    <message>
+        <source>Band: two sigmas of that difference, the reference&apos;s and, where stated, the estimate&apos;s together</source>
+        <translation>Band: zwei Sigmas dieser Differenz, die der Referenz und, wo angegeben, der Schätzung zusammen</translation>
+    </message>
+    <message>
+        <source>time since the first image (s)</source>
+        <translation>Zeit seit dem ersten Bild (s)</translation>
+    </message>
+    <message>
+        <source>%1 results together</source>
+        <translation>%1 Resultate zusammen</translation>
+    </message>
+    <message>
+        <source>Residuals of the runs&apos; own points</source>
+        <translation>Residuen der Punkte der Fahrten</translation>
+    </message>
+    <message>
+        <source>Residuals of the runs&apos; own points: mean reprojection error of each point over its images (px)</source>
+        <translation>Residuen der Punkte der Fahrten: mittlerer Rückprojektionsfehler jedes Punktes über seine Bilder (px)</translation>
+    </message>
+    <message>
+        <source>They measure how well images and points agree, not how accurate a position is</source>
+        <translation>Sie messen, wie gut Bilder und Punkte übereinstimmen, nicht wie genau eine Position ist</translation>
+    </message>
+    <message>
+        <source>mean reprojection error of a point (px)</source>
+        <translation>mittlerer Rückprojektionsfehler eines Punktes (px)</translation>
+    </message>
+    <message>
+        <source>Track lengths</source>
+        <translation>Spurlängen</translation>
+    </message>
+    <message>
+        <source>Track lengths: the number of images that see a point</source>
+        <translation>Spurlängen: Anzahl der Bilder, die einen Punkt sehen</translation>
+    </message>
+    <message>
+        <source>images that see a point</source>
+        <translation>Bilder, die einen Punkt sehen</translation>
+    </message>
+    <message>
+        <source>Residuals over time</source>
+        <translation>Residuen über die Zeit</translation>
+    </message>
+    <message>
+        <source>of each image the mean, over the points it sees, of their reprojection errors (px)</source>
+        <translation>von jedem Bild der mittlere Rückprojektionsfehler der Punkte, die es sieht (px)</translation>
+    </message>
+    <message>
+        <source>time since the run began (s)</source>
+        <translation>Zeit seit Beginn der Fahrt (s)</translation>
+    </message>
+    <message>
+        <source>mean reprojection error (px)</source>
+        <translation>mittlerer Rückprojektionsfehler (px)</translation>
+    </message>
+    <message>
+        <source>every tag</source>
+        <translation>jede Marke</translation>
+    </message>
+    <message>
+        <source>the %1 tags with the largest of %2</source>
+        <translation>die %1 Marken mit den größten von %2</translation>
+    </message>
+    <message>
+        <source>Residuals of tags</source>
+        <translation>Residuen der Marken</translation>
+    </message>
+    <message>
+        <source>Residuals of tags: root mean square over the corners of a tag in its images (px, logarithmic)</source>
+        <translation>Residuen der Marken: quadratisches Mittel über die Ecken einer Marke in ihren Bildern (px, logarithmisch)</translation>
+    </message>
+    <message>
+        <source>corner residual (px)</source>
+        <translation>Eckenresiduum (px)</translation>
+    </message>
+    <message>
+        <source>Surveyed points from above</source>
+        <translation>Eingemessene Punkte von oben</translation>
+    </message>
+    <message>
+        <source>Surveyed points from above, site coordinates in %1</source>
+        <translation>Eingemessene Punkte von oben, Koordinaten des Messgebiets in %1</translation>
+    </message>
+    <message>
+        <source>An arrow that leaves its ellipse is larger than stated sigmas explain</source>
+        <translation>Ein Pfeil, der seine Ellipse verlässt, ist größer als die angegebenen Sigmas erklären</translation>
+    </message>
+    <message>
+        <source>control</source>
+        <translation>Passpunkt</translation>
+    </message>
+    <message>
+        <source>check</source>
+        <translation>Kontrollpunkt</translation>
+    </message>
+    <message>
+        <source>other tag</source>
+        <translation>andere Marke</translation>
+    </message>
+    <message>
+        <source>%1 %2 of a residual</source>
+        <translation>%1 %2 eines Residuums</translation>
+    </message>
+    <message>
+        <source>%1 control points, %2 of them for checks only</source>
+        <translation>%1 Passpunkte, davon %2 nur zur Kontrolle</translation>
+    </message>
+    <message>
+        <source>%1 control point, %2 of them for checks only</source>
+        <translation>%1 Passpunkt, davon %2 nur zur Kontrolle</translation>
+    </message>
+    <message>
+        <source>readings of a total station</source>
+        <translation>Ablesungen eines Tachymeters</translation>
+    </message>
+    <message>
+        <source>run %1: images (images.txt with its pictures, or a video)</source>
+        <translation>Fahrt %1: Bilder (images.txt mit den Bildern, oder ein Video)</translation>
+    </message>
+    <message>
+        <source>run %1: camchain.yaml, the camera&apos;s calibration</source>
+        <translation>Fahrt %1: camchain.yaml, die Kalibrierung der Kamera</translation>
+    </message>
+    <message>
+        <source>run %1: camchain.yaml: without it the lens is estimated from the images, with less accuracy</source>
+        <translation>Fahrt %1: camchain.yaml: ohne sie wird das Objektiv aus den Bildern geschätzt, mit geringerer Genauigkeit</translation>
+    </message>
+    <message>
+        <source>run %1: odometry.tum: without it the motion is estimated from the images alone, and its scale from GPS or geotagged panoramas</source>
+        <translation>Fahrt %1: odometry.tum: ohne sie wird die Bewegung aus den Bildern allein geschätzt, der Maßstab aus GPS oder Panoramen mit Geotag</translation>
+    </message>
+    <message>
+        <source>%1 geotagged photo</source>
+        <translation>%1 Foto mit Geotag</translation>
+    </message>
+    <message>
+        <source>%1 geotagged photos</source>
+        <translation>%1 Fotos mit Geotag</translation>
+    </message>
+    <message>
+        <source>%1 hand-held photo set</source>
+        <translation>%1 Fotosatz aus der Hand</translation>
+    </message>
+    <message>
+        <source>%1 hand-held photo sets</source>
+        <translation>%1 Fotosätze aus der Hand</translation>
+    </message>
+    <message>
+        <source>tags of family %1</source>
+        <translation>Marken der Familie %1</translation>
+    </message>
+    <message>
+        <source>tags of family %1, %2</source>
+        <translation>Marken der Familie %1, %2</translation>
+    </message>
+    <message>
+        <source>aerial image %1</source>
+        <translation>Luftbild %1</translation>
+    </message>
+    <message>
+        <source>origin %1, %2, %3 (%4)</source>
+        <translation>Ursprung %1, %2, %3 (%4)</translation>
+    </message>
+    <message>
+        <source>runs: runs/&lt;run&gt;/ with images.txt, camchain.yaml, odometry.tum</source>
+        <translation>Fahrten: runs/&lt;Fahrt&gt;/ mit images.txt, camchain.yaml, odometry.tum</translation>
+    </message>
+    <message>
+        <source>panoramas (panoramas.csv), geotagged photos (photos.csv) or photo sets (photos/&lt;set&gt;/): without them `localize` gives only each run&apos;s own frame</source>
+        <translation>Panoramen (panoramas.csv), Fotos mit Geotag (photos.csv) oder Fotosätze (photos/&lt;Satz&gt;/): ohne sie gibt `localize` nur das eigene System jeder Fahrt</translation>
+    </message>
+    <message>
+        <source>positions of the panoramas: without them the results are not georeferenced</source>
+        <translation>Positionen der Panoramen: ohne sie sind die Resultate nicht georeferenziert</translation>
+    </message>
+    <message>
+        <source>an origin: no control point, panorama or GPS fix georeferences this site</source>
+        <translation>ein Ursprung: kein Passpunkt, kein Panorama und keine GPS-Position georeferenziert dieses Messgebiet</translation>
+    </message>
+    <message>
+        <source>stations.csv and tags.yaml: `evaluate` needs tags at the stations as ground truth</source>
+        <translation>stations.csv und tags.yaml: `evaluate` braucht Marken an den Stationen als Referenz</translation>
+    </message>
+    <message>
+        <source>%1 of the set %2, to be stitched: %3</source>
+        <translation>%1 des Satzes %2, zusammenzusetzen: %3</translation>
+    </message>
+    <message>
+        <source>%1 by %2</source>
+        <translation>%1 von %2</translation>
+    </message>
+    <message>
+        <source>others: refused or no match</source>
+        <translation>andere: abgelehnt oder nicht zugeordnet</translation>
+    </message>
+    <message>
+        <source>median of %1</source>
+        <translation>Median von %1</translation>
+    </message>
+    <message>
+        <source>worst %1</source>
+        <translation>größter %1</translation>
+    </message>
+    <message>
+        <source>1 sigma (standard deviation) of the largest axis, median over the answers</source>
+        <translation>1 Sigma (Standardabweichung) der größten Achse, Median über die Antworten</translation>
+    </message>
+    <message>
+        <source>not tested here</source>
+        <translation>hier nicht geprüft</translation>
+    </message>
+    <message>
+        <source>sigma: standard deviation</source>
+        <translation>Sigma: Standardabweichung</translation>
+    </message>
+    <message>
+        <source>ANEES (mean squared error over variance) %1, right: %2 to %3</source>
+        <translation>ANEES (mittlerer quadratischer Fehler durch Varianz) %1, richtig: %2 bis %3</translation>
+    </message>
+    <message>
+        <source>An answer is the pose of a whole panorama (G2)</source>
+        <translation>Eine Antwort ist die Pose eines ganzen Panoramas (G2)</translation>
+    </message>
+    <message>
+        <source>it is compared with AprilTags at %1</source>
+        <translation>sie wird verglichen mit AprilTags an: %1</translation>
+    </message>
+    <message>
+        <source>Arrows: from the reference to the answer, horizontally, %1</source>
+        <translation>Pfeile: von der Referenz zur Antwort, horizontal, %1</translation>
+    </message>
+    <message>
+        <source>dashed ellipses: 95 % of the difference at the same scale</source>
+        <translation>gestrichelte Ellipsen: 95 % der Differenz im selben Maßstab</translation>
+    </message>
+    <message>
+        <source>Arrows: map minus stated, horizontally, %1</source>
+        <translation>Pfeile: Karte minus Sollwert, horizontal, %1</translation>
+    </message>
+    <message>
+        <source>dashed: the ellipse in which 95 % of such differences lie if all sigmas are right, at the same scale</source>
+        <translation>gestrichelt: die Ellipse, in der 95 % solcher Differenzen liegen, wenn alle Sigmas stimmen, im selben Maßstab</translation>
+    </message>
+    <message>
+        <source>Plan, north up</source>
+        <translation>Plan, Norden oben</translation>
+    </message>
+    <message>
+        <source>east and north in %1 (%2)</source>
+        <translation>Ost und Nord in %1 (%2)</translation>
+    </message>
+    <message>
+        <source>Rows are taken as independent</source>
+        <translation>Zeilen gelten als unabhängig</translation>
+    </message>
+    <message>
+        <source>few answers give coarse steps</source>
+        <translation>wenige Antworten geben grobe Stufen</translation>
+    </message>
+    <message>
+        <source>shared evidence</source>
+        <translation>gemeinsame Daten</translation>
+    </message>
+    <message>
+        <source>%1 points of the run fit the best pose, %2 needed</source>
+        <translation>%1 Punkte der Fahrt passen zur besten Pose, %2 sind nötig</translation>
+    </message>
+    <message>
+        <source>tag %1 has no pose in reference %2</source>
+        <translation>Marke %1 hat keine Pose in der Referenz %2</translation>
+    </message>
+    <message>
+        <source>station %1 is not in stations.csv</source>
+        <translation>Station %1 steht nicht in stations.csv</translation>
+    </message>
+    <message>
+        <source>station</source>
+        <translation>Station</translation>
+    </message>
+    <message>
+        <source>tag</source>
+        <translation>Marke</translation>
+    </message>
+    <message>
+        <source>cameras, optimised</source>
+        <translation>Kameras, optimiert</translation>
+    </message>
+    <message>
+        <source>odometry, begun at the first camera</source>
+        <translation>Odometrie, von der ersten Kamera an</translation>
+    </message>
+    <message>
+        <source>truth</source>
+        <translation>Wahrheit</translation>
+    </message>
+    <message>
+        <source>reference poses from the tag map</source>
+        <translation>Referenzposen aus der Markenkarte</translation>
+    </message>
+    <message>
+        <source>other systems, fitted rigidly</source>
+        <translation>andere Systeme, starr eingepasst</translation>
+    </message>
+    <message>
+        <source>geotags of panoramas</source>
+        <translation>Geotags der Panoramen</translation>
+    </message>
+    <message>
+        <source>errors x %1</source>
+        <translation>Fehler x %1</translation>
+    </message>
+    <message>
+        <source>ellipsoids of errors, %1 %, x %2</source>
+        <translation>Ellipsoide der Fehler, %1 %, x %2</translation>
+    </message>
+    <message>
+        <source>ellipsoids of tags, %1 %, x %2</source>
+        <translation>Ellipsoide der Marken, %1 %, x %2</translation>
+    </message>
+    <message>
+        <source>ellipsoids of cameras, %1 %, x %2</source>
+        <translation>Ellipsoide der Kameras, %1 %, x %2</translation>
+    </message>
+    <message>
+        <source>control (full), check (open)</source>
+        <translation>Passpunkte (voll), Kontrollpunkte (offen)</translation>
+    </message>
+    <message>
+        <source>map minus stated x %1</source>
+        <translation>Karte minus Sollwert x %1</translation>
+    </message>
+    <message>
+        <source>height (%1)</source>
+        <translation>Höhe (%1)</translation>
+    </message>
+    <message>
+        <source>height, %1</source>
+        <translation>Höhe, %1</translation>
+    </message>
+    <message>
+        <source>images</source>
+        <translation>Bilder</translation>
+    </message>
+    <message>
+        <source>images, %1</source>
+        <translation>Bilder, %1</translation>
+    </message>
+    <message>
+        <source>sigma (%1)</source>
+        <translation>Sigma (%1)</translation>
+    </message>
+    <message>
+        <source>sigma, %1</source>
+        <translation>Sigma, %1</translation>
+    </message>
+    <message>
+        <source>residual, %1</source>
+        <translation>Residuum, %1</translation>
+    </message>
+    <message>
+        <source>residual (px)</source>
+        <translation>Residuum (px)</translation>
+    </message>
+</context>
+<context>
     <name>main</name>
     <message>
         <source>Trigpoint&apos;s workstation.</source>
@@ -5154,6 +6373,30 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     <message>
         <source>Run ...</source>
         <translation>Ausführen ...</translation>
+    </message>
+    <message>
+        <source>missing</source>
+        <translation>fehlt</translation>
+    </message>
+    <message>
+        <source>done</source>
+        <translation>fertig</translation>
+    </message>
+    <message>
+        <source>out of date</source>
+        <translation>veraltet</translation>
+    </message>
+    <message>
+        <source>failed</source>
+        <translation>fehlgeschlagen</translation>
+    </message>
+    <message>
+        <source>running</source>
+        <translation>läuft</translation>
+    </message>
+    <message>
+        <source>not needed</source>
+        <translation>nicht nötig</translation>
     </message>
 </context>
 <context>
