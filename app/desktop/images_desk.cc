@@ -92,8 +92,10 @@ void ImagesDesk::MakeControls() {
   reference_->setAccessibleName(tr("Panorama or photo"));
   view_ = new QComboBox;
   view_->setObjectName("images.view");
+  view_->setSizeAdjustPolicy(QComboBox::AdjustToContents);
   view_->setAccessibleName(tr("Part of the panorama"));
-  view_->setToolTip(tr("All of the panorama, or one of the rectilinear views that localize matches"));
+  view_->setToolTip(
+      tr("All of the panorama, or one of the rectilinear views that localize matches; of a set one of its photos"));
   view_->addItem(tr("whole"));
   match_ = new QPushButton(tr("&Match"));
   match_->setObjectName("images.match");

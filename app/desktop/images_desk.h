@@ -73,8 +73,10 @@ class ImagesDesk : public QWidget {
   void FillImages();
   void ShowImage();
   void ShowReference();
-  void ShowView();  // what is chosen of the panorama
-  std::optional<QPointF> InShownView(const Eigen::Vector2d& of_panorama) const;
+  void ShowView();            // what is chosen of the panorama
+  void ShowPhoto(int index);  // of a set
+  void ShowMatchedPhoto();    // of a set the one with the most matches
+  std::optional<QPointF> InShownView(const InspectedMatch& match) const;
   void ShowMatches();
   void DropMatches();  // another image or panorama is shown
   void SayImage();     // what was found in it
@@ -121,9 +123,10 @@ class ImagesDesk : public QWidget {
   MatchLines* lines_;
   Thumbnails* thumbnails_;
   bool following_ = false;
-  QImage reference_picture_;  // all of it
-  std::vector<View> views_;   // that localize matches of it; none of a photo
-  int view_shown_ = -1;       // -1: all of it
+  QImage reference_picture_;                   // all of it
+  std::vector<View> views_;                    // that localize matches of it; none of a photo
+  std::vector<std::filesystem::path> photos_;  // of a set
+  int view_shown_ = -1;                        // -1: all of it
   std::shared_ptr<const InspectedImage> inspected_;
   std::shared_ptr<const std::vector<InspectedMatch>> matches_;
   struct Prediction {

@@ -4,6 +4,7 @@
 #include <QLabel>
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "app/desktop/background.h"
 #include "app/desktop/images_desk.h"
@@ -23,15 +24,17 @@ namespace {
 constexpr size_t kMostLines = 250;  // between the pictures; more cover them
 constexpr int kNumberEvery = 20;    // of the matches one in so many has its number in both pictures
 constexpr double kSameFeature_px = 0.5;
+constexpr const char* kSet = "photo set";
 
 struct LoadedReference {
-  QImage picture;
+  QImage picture;  // none of a set
   std::vector<View> views;
 };
 
 LoadedReference Load(const Project& project, const SnapshotReference& reference) {
   const std::filesystem::path file = reference.files.empty() ? std::filesystem::path() : reference.files.front();
   LoadedReference loaded;
+  if (reference.kind == kSet) return loaded;
   if (reference.kind != "panorama") {
     loaded.picture = LoadAnyPicture(file, 0);
     return loaded;
@@ -70,6 +73,7 @@ void ImagesDesk::ShowReference() {
   const int index = reference_->currentIndex();
   if (!snapshot || index < 0 || index >= static_cast<int>(snapshot->references.size())) {
     views_.clear();
+    photos_.clear();
     right_->SetPicture({}, WhyEmpty(tr("This project has no panorama. Put panoramas into the folder panoramas, or "
                                        "choose File, Panoramas of services to load some.")));
     return;
@@ -78,17 +82,22 @@ void ImagesDesk::ShowReference() {
   if (stale_) return;
   InBackground(
       this, [snapshot, index] { return Load(*snapshot->project, snapshot->references[static_cast<size_t>(index)]); },
-      [this, generation](const Attempted<LoadedReference>& loaded) {
+      [this, generation, snapshot, index](const Attempted<LoadedReference>& loaded) {
         if (generation != reference_generation_) return;
         reference_picture_ = loaded.value.picture;
         views_ = loaded.value.views;
+        const SnapshotReference& reference = snapshot->references[static_cast<size_t>(index)];
+        const bool set_before = !photos_.empty();
+        photos_ = reference.kind == kSet ? reference.files : std::vector<std::filesystem::path>();
         {
           const QSignalBlocker block(view_);
-          const int chosen = view_->currentIndex();
-          while (view_->count() > 1) view_->removeItem(view_->count() - 1);
+          const int chosen = photos_.empty() && !set_before ? view_->currentIndex() : 0;
+          view_->clear();
+          if (photos_.empty()) view_->addItem(tr("whole"));
           for (size_t k = 0; k < views_.size(); ++k) view_->addItem(tr("view %1").arg(k + 1));
+          for (const auto& photo : photos_) view_->addItem(QString::fromStdString(photo.filename().string()));
           view_->setCurrentIndex(chosen < view_->count() ? chosen : 0);  // the same one of the next panorama
-          view_->setEnabled(!views_.empty());
+          view_->setEnabled(view_->count() > 1);
         }
         if (loaded.error.isEmpty()) return ShowView();
         view_shown_ = -1;
@@ -96,7 +105,36 @@ void ImagesDesk::ShowReference() {
       });
 }
 
+void ImagesDesk::ShowPhoto(int index) {
+  const int generation = ++view_generation_;
+  if (index < 0 || index >= static_cast<int>(photos_.size())) return;
+  const std::filesystem::path photo = photos_[static_cast<size_t>(index)];
+  InBackground(
+      this, [photo] { return LoadAnyPicture(photo, 0); },
+      [this, generation, title = reference_->currentText() + ", " + view_->itemText(index),
+       index](const Attempted<QImage>& loaded) {
+        if (generation != view_generation_) return;
+        reference_picture_ = loaded.value;
+        view_shown_ = index;
+        right_->SetPicture(loaded.value, loaded.error.isEmpty() ? title : loaded.error);
+        PlacePanes();
+        Redraw();
+      });
+}
+
+void ImagesDesk::ShowMatchedPhoto() {
+  std::map<std::string, std::pair<int, int>> count;  // inliers, all
+  for (const InspectedMatch& match : *matches_) {
+    count[match.view].first += match.inlier ? 1 : 0;
+    ++count[match.view].second;
+  }
+  const auto most =
+      std::max_element(count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most != count.end()) view_->setCurrentText(QString::fromStdString(most->first));
+}
+
 void ImagesDesk::ShowView() {
+  if (!photos_.empty()) return ShowPhoto(view_->currentIndex());
   const int generation = ++view_generation_;
   if (reference_picture_.isNull()) return;
   const auto show = [this](int view, const QImage& picture, const QString& title) {
@@ -120,9 +158,14 @@ void ImagesDesk::ShowView() {
       });
 }
 
-// Where a pixel of the panorama is seen; nothing if that is outside the view that is shown.
-std::optional<QPointF> ImagesDesk::InShownView(const Eigen::Vector2d& of_panorama) const {
+// Where a match is seen in the panorama; nothing if that is outside the view or photo that is shown.
+std::optional<QPointF> ImagesDesk::InShownView(const InspectedMatch& match) const {
+  const Eigen::Vector2d& of_panorama = match.panorama;
   if (reference_picture_.isNull()) return std::nullopt;  // the next panorama is being read
+  if (!photos_.empty()) {
+    const bool shown = view_shown_ >= 0 && photos_[static_cast<size_t>(view_shown_)].filename() == match.view;
+    return shown ? std::optional(QPointF(of_panorama.x(), of_panorama.y())) : std::nullopt;
+  }
   if (view_shown_ < 0) return QPointF(of_panorama.x(), of_panorama.y());
   const View& view = views_[static_cast<size_t>(view_shown_)];
   const Camera sphere = Camera::Equirectangular(reference_picture_.width(), reference_picture_.height());
@@ -163,9 +206,16 @@ void ImagesDesk::ShowMatches() {
         }
         matches_ = matches.value;
         const auto inliers = std::count_if(matches_->begin(), matches_->end(), [](const auto& m) { return m.inlier; });
-        status_->setText(tr("%1 matches, %2 of them within 3 px of their epipolar lines")
-                             .arg(matches_->size())
-                             .arg(static_cast<int>(inliers)));
+        const bool judged = std::any_of(matches_->begin(), matches_->end(),
+                                        [](const InspectedMatch& m) { return !std::isnan(m.error_px); });
+        status_->setText(judged || matches_->empty()
+                             ? tr("%1 matches, %2 of them within 3 px of their epipolar lines")
+                                   .arg(matches_->size())
+                                   .arg(static_cast<int>(inliers))
+                             : tr("%1 matches; the run does not answer %2, so that they cannot be judged")
+                                   .arg(matches_->size())
+                                   .arg(reference_->currentText()));
+        if (!photos_.empty()) ShowMatchedPhoto();
         Redraw();
       });
 }
@@ -190,7 +240,7 @@ void ImagesDesk::AddMatches(std::vector<PictureMark>* left, std::vector<PictureM
     mark.colour = match.inlier ? QColor(240, 228, 66) : QColor(204, 121, 167);
     if (number % kNumberEvery == 1) mark.text = QString::number(number);  // the same in both pictures
     const QPointF here(match.image.x(), match.image.y());
-    const std::optional<QPointF> there = InShownView(match.panorama);
+    const std::optional<QPointF> there = InShownView(match);
     mark.points << here << QPointF(3, 0);
     left->push_back(mark);
     if (!there) continue;

@@ -9,6 +9,7 @@
 
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/stages.h"
+#include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -17,6 +18,7 @@
 #include "eval/errors/results.h"
 #include "localize/reconstruct/feature_store.h"
 #include "localize/reconstruct/matching.h"
+#include "survey/panorama/rig_files.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {
@@ -153,6 +155,85 @@ std::vector<std::string> RunInspector::ImagesOf(int64_t point) {
   return names;
 }
 
+namespace {
+
+// A picture that an image is matched with, and how it stands in its reference's rig.
+struct MatchedView {
+  View view;
+  std::string features;          // its key in features.db
+  std::optional<Camera> sphere;  // of a panorama: matches lie in all of it
+  bool placed = true;            // in the rig
+};
+
+// The photos of a set: placed as `localized` has refined them, else as they were stitched, else not at all.
+std::vector<MatchedView> ViewsOfSet(std::vector<MatchedView> photos, const fs::path& stitched,
+                                    const fs::path& localized, const std::string& set) {
+  std::map<std::string, View> placed;
+  if (fs::exists(stitched / "rig.csv")) {
+    for (View& view : ReadRigFiles(stitched).rig.views) placed[view.name] = std::move(view);
+  }
+  if (!placed.empty() && fs::exists(localized / "rigs.csv")) {
+    const CsvTable table =
+        CsvTable::Read(localized / "rigs.csv", {"panorama", "photo", "tx", "ty", "tz", "qx", "qy", "qz", "qw"});
+    for (const CsvRow& row : table.rows()) {
+      const auto photo = placed.find(row.Text("photo"));
+      if (row.Text("panorama") != set || photo == placed.end()) continue;
+      photo->second.rig_from_view = {
+          Eigen::Quaterniond(row.Number("qw"), row.Number("qx"), row.Number("qy"), row.Number("qz")).normalized(),
+          {row.Number("tx"), row.Number("ty"), row.Number("tz")}};
+    }
+  }
+  for (MatchedView& photo : photos) {
+    const auto its = placed.find(photo.view.name);
+    photo.placed = its != placed.end();
+    if (photo.placed) photo.view = its->second;
+  }
+  return photos;
+}
+
+// How far a match is from the epipolar line that `cam_from_view` gives, and whether its rays meet before both.
+void Judge(const Camera& camera, const Eigen::Vector3d& ray, const Rigid3d& cam_from_view,
+           const Eigen::Vector3d& ray_in_view, InspectedMatch* match) {
+  const Eigen::Vector3d towards = cam_from_view.rotation * ray_in_view, baseline = cam_from_view.translation;
+  const Eigen::Vector3d normal = baseline.cross(towards);
+  const double off = normal.norm() > 1e-9 ? std::abs(ray.dot(normal.normalized())) : 1;
+  match->error_px = off * camera.MeanFocal();
+  // Their crosses with the baseline point the same way.
+  const bool before = ray.cross(towards).dot(ray.cross(-baseline)) > 0 || ray.dot(towards) > 0.999;
+  match->inlier = match->error_px < kInlierPx && before;
+}
+
+// The pictures of the reference called `panorama`. Throws InputError if there is none.
+std::vector<MatchedView> ViewsOf(const Project& project, const ViewOptions& options, const StageTarget& target,
+                                 const std::string& panorama) {
+  std::vector<std::string> names;
+  std::vector<MatchedView> views;
+  std::string set;
+  for (const PreparedReference& prepared : PrepareReferences(project.site(), options, nullptr)) {
+    const Reference& reference = project.site().references[static_cast<size_t>(prepared.reference)];
+    names.push_back(reference.name);
+    if (reference.name != panorama && prepared.name != panorama) continue;
+    if (reference.kind == ReferenceKind::kPhotoSet) set = reference.name;
+    std::optional<Camera> sphere;
+    if (reference.kind == ReferenceKind::kPanorama) {
+      const cv::Mat picture = LoadPanorama(reference.files.front(), true);
+      sphere = Camera::Equirectangular(picture.cols, picture.rows);
+    }
+    for (const View& view : prepared.rig.views) {
+      views.push_back({view, prepared.name + "#" + view.name, sphere});
+      if (!set.empty()) views.back().view.name = fs::path(prepared.name).filename().string();
+    }
+  }
+  if (names.empty() || views.empty()) {
+    throw InputError("there is no reference '" + panorama + "'; nearest: '" + NearestName(panorama, names) + "'");
+  }
+  return set.empty() ? views
+                     : ViewsOfSet(std::move(views), project.ResultDir("stitch", set),
+                                  ResultOf(project, "localize", target), set);
+}
+
+}  // namespace
+
 std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const std::string& panorama) {
   Parts& p = *parts_;
   const ImageEntry& entry = p.Entry(file);
@@ -168,7 +249,6 @@ std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const
   const FeatureSet features = images.Read(file);
   const DescriptorBlock descriptors(features.descriptors);
   const Camera& camera = p.run.cameras.at(static_cast<size_t>(entry.camera)).camera;
-
   // Poses in the run's own frame, where both were localized.
   std::optional<Rigid3d> cam_from_odom, odom_from_pano;
   p.ReadResult();
@@ -180,54 +260,32 @@ std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const
   }
   const ViewOptions options = ResolveOptions<FeatureStageOptions>(p.project, "references", plain).views;
   std::vector<InspectedMatch> matches;
-  std::vector<std::string> names;
-  for (const PreparedReference& prepared : PrepareReferences(p.project.site(), options, nullptr)) {
-    const Reference& reference = p.project.site().references[static_cast<size_t>(prepared.reference)];
-    names.push_back(reference.name);
-    if (reference.name != panorama && prepared.name != panorama) continue;
-    std::optional<Rigid3d> cam_from_pano;
-    if (cam_from_odom && odom_from_pano && reference.kind != ReferenceKind::kPhotoSet) {
-      cam_from_pano = *cam_from_odom * *odom_from_pano;
+  for (const MatchedView& matched : ViewsOf(p.project, options, p.target, panorama)) {
+    if (!views.Has(matched.features)) continue;
+    std::optional<Rigid3d> cam_from_view;
+    if (cam_from_odom && odom_from_pano && matched.placed) {
+      cam_from_view = *cam_from_odom * *odom_from_pano * matched.view.rig_from_view;
     }
-    std::optional<Camera> sphere;
-    if (reference.kind == ReferenceKind::kPanorama) {
-      const cv::Mat picture = LoadPanorama(reference.files.front(), true);
-      sphere = Camera::Equirectangular(picture.cols, picture.rows);
-    }
-    for (const View& view : prepared.rig.views) {
-      const std::string key = prepared.name + "#" + view.name;
-      if (!views.Has(key)) continue;
-      const Eigen::Vector3d axis = view.rig_from_view.rotation * Eigen::Vector3d::UnitZ();
-      // A view that looks the other way shares nothing with the image.
-      if (cam_from_pano && (cam_from_pano->rotation * axis).z() < -0.2) continue;
-      const FeatureSet other = views.Read(key);
-      for (const auto& [a, b] : MatchMutual(descriptors, DescriptorBlock(other.descriptors), kRatio, kMaxDistance)) {
-        InspectedMatch match;
-        match.view = view.name;
-        match.image = features.points[static_cast<size_t>(a)].cast<double>();
-        const Eigen::Vector2d in_view = other.points[static_cast<size_t>(b)].cast<double>();
-        const auto ray_in_view = view.camera.Unproject(in_view);
-        const auto ray = camera.Unproject(match.image);
-        if (!ray_in_view || !ray) continue;
-        const Eigen::Vector3d pano_ray = view.rig_from_view.rotation * *ray_in_view;
-        match.panorama = sphere ? sphere->Project(pano_ray).value_or(in_view) : in_view;
-        match.error_px = std::numeric_limits<double>::quiet_NaN();
-        if (cam_from_pano) {
-          const Eigen::Vector3d towards = cam_from_pano->rotation * pano_ray;
-          const Eigen::Vector3d baseline = cam_from_pano->translation;
-          const Eigen::Vector3d normal = baseline.cross(towards);
-          const double off = normal.norm() > 1e-9 ? std::abs(ray->dot(normal.normalized())) : 1;
-          match.error_px = off * camera.MeanFocal();
-          // Rays meet before both: their crosses with the baseline point the same way.
-          const bool before = ray->cross(towards).dot(ray->cross(-baseline)) > 0 || ray->dot(towards) > 0.999;
-          match.inlier = match.error_px < kInlierPx && before;
-        }
-        matches.push_back(std::move(match));
+    // A view that looks the other way shares nothing with the image.
+    if (cam_from_view && (cam_from_view->rotation * Eigen::Vector3d::UnitZ()).z() < -0.2) continue;
+    const FeatureSet other = views.Read(matched.features);
+    for (const auto& [a, b] : MatchMutual(descriptors, DescriptorBlock(other.descriptors), kRatio, kMaxDistance)) {
+      InspectedMatch match;
+      match.view = matched.view.name;
+      match.image = features.points[static_cast<size_t>(a)].cast<double>();
+      match.panorama = other.points[static_cast<size_t>(b)].cast<double>();
+      const auto ray_in_view = matched.view.camera.Unproject(match.panorama), ray = camera.Unproject(match.image);
+      if (!ray_in_view || !ray) continue;
+      if (matched.sphere) {
+        match.panorama =
+            matched.sphere->Project(matched.view.rig_from_view.rotation * *ray_in_view).value_or(match.panorama);
       }
+      match.error_px = std::numeric_limits<double>::quiet_NaN();
+      if (cam_from_view) Judge(camera, *ray, *cam_from_view, *ray_in_view, &match);
+      matches.push_back(std::move(match));
     }
-    return matches;
   }
-  throw InputError("there is no reference '" + panorama + "'; nearest: '" + NearestName(panorama, names) + "'");
+  return matches;
 }
 
 }  // namespace trigpoint

@@ -40,10 +40,10 @@ struct InspectedImage {
 // A pair of features of an image and a panorama (or photo).
 struct InspectedMatch {
   Eigen::Vector2d image;     // px
-  Eigen::Vector2d panorama;  // px
-  std::string view;
-  double error_px = 0;  // from the epipolar line that the solution gives, in the image's pixels; NaN without poses
-  bool inlier = false;  // within 3 px and before both
+  Eigen::Vector2d panorama;  // px; of a set in the photo that is the view
+  std::string view;          // of a set the photo's name
+  double error_px = 0;       // from the epipolar line that the solution gives, in the image's pixels; NaN without poses
+  bool inlier = false;       // within 3 px and before both
 };
 
 // Of a localization that a version without solution.db made: what is missing and what to run. Empty for any other.

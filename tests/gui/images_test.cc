@@ -577,6 +577,54 @@ TEST_F(MatchesTest, AViewIsClickedAndZoomedLikeThePanorama) {
   EXPECT_EQ(right->image().width(), 512);
 }
 
+// A set of two photos at p001's place, which the run answers: the second one sees what image 6 sees.
+class SetMatchesTest : public MatchesTest {
+ protected:
+  static constexpr const char* kSet = "photos/S2";
+  void SetUp() override {
+    QDir(Path(kSet)).mkpath(".");
+    QImage picture(320, 240, QImage::Format_RGB32);
+    picture.fill(Qt::darkGreen);
+    for (const char* name : {"/a.jpg", "/b.jpg"}) ASSERT_TRUE(picture.save(Path(kSet) + name));
+    MatchesTest::SetUp();
+  }
+  void TearDown() override {
+    MatchesTest::TearDown();
+    QDir(Path("photos")).removeRecursively();
+    QDir(Path("results/stitch")).removeRecursively();
+  }
+};
+
+TEST_F(SetMatchesTest, AMatchShowsThePhotoThatSeesTheSame) {
+  Write("results/references/features.db",
+        {{std::string(kSet) + "/a.jpg#0", {features_.begin(), features_.begin() + 5}},
+         {std::string(kSet) + "/b.jpg#0", {features_.begin() + 5, features_.end()}}},
+        false);
+  window_->workspace()->Reload();
+  auto* reference = Child<QComboBox>(images_, "images.reference");
+  ASSERT_TRUE(WaitFor([&] { return reference->findText("S2") >= 0; }));
+  reference->setCurrentText("S2");
+  const auto title = [&] { return images_->right()->accessibleDescription().toStdString(); };
+  ASSERT_TRUE(WaitFor([&] { return title() == "S2, a.jpg"; })) << title();
+  auto* part = Child<QComboBox>(images_, "images.view");
+  EXPECT_TRUE(part->isEnabled());
+  EXPECT_EQ(part->count(), 2);
+  Child<QCheckBox>(images_, "images.outliers")->setChecked(true);
+  Click(window_.get(), "images.match");
+  ASSERT_TRUE(WaitFor([&] { return title() == "S2, b.jpg"; })) << title();
+  // Of a set that is not stitched nobody knows how its photos stand.
+  EXPECT_THAT(Child<QLabel>(images_, "images.status")->text().toStdString(), HasSubstr("cannot be judged"));
+  const auto drawn = [&] {
+    return std::count_if(images_->right()->marks().begin(), images_->right()->marks().end(),
+                         [](const PictureMark& mark) { return mark.layer == "outliers"; });
+  };
+  EXPECT_TRUE(WaitFor([&] { return drawn() > 0.9 * static_cast<double>(features_.size() - 5); })) << drawn();
+  part->setCurrentIndex(0);
+  EXPECT_TRUE(WaitFor([&] { return title() == "S2, a.jpg" && drawn() == 5; })) << drawn();
+  reference->setCurrentText(kPanorama);
+  EXPECT_TRUE(WaitFor([&] { return title() == kPanorama && part->currentText() == "whole"; })) << title();
+}
+
 // What is found belongs to what was shown when it was asked for.
 TEST_F(MatchesTest, MatchesOfAnotherPanoramaAreNotDrawn) {
   auto* status = Child<QLabel>(images_, "images.status");

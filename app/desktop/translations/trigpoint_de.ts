@@ -3554,10 +3554,6 @@
         <translation>Teil des Panoramas</translation>
     </message>
     <message>
-        <source>All of the panorama, or one of the rectilinear views that localize matches</source>
-        <translation>Das ganze Panorama oder eine der ebenen Ansichten, die localize zuordnet</translation>
-    </message>
-    <message>
         <source>whole</source>
         <translation>ganz</translation>
     </message>
@@ -3624,6 +3620,14 @@
     <message>
         <source>The change of the mark was not saved.</source>
         <translation>Die Änderung der Markierung wurde nicht gespeichert.</translation>
+    </message>
+    <message>
+        <source>All of the panorama, or one of the rectilinear views that localize matches; of a set one of its photos</source>
+        <translation>Das ganze Panorama oder eine der geradlinigen Ansichten, die localize zuordnet; von einem Satz eines seiner Fotos</translation>
+    </message>
+    <message>
+        <source>%1 matches; the run does not answer %2, so that they cannot be judged</source>
+        <translation>%1 Zuordnungen; die Fahrt beantwortet %2 nicht, so dass sie nicht beurteilt werden können</translation>
     </message>
 </context>
 <context>
