@@ -73,7 +73,8 @@ class ImagesDesk : public QWidget {
   void FillImages();
   void ShowImage();
   void ShowReference();
-  void ShowView();            // what is chosen of the panorama
+  void ShowView();  // what is chosen of the panorama
+  void ShowPart(int part, const QImage& picture, const QString& title);
   void ShowPhoto(int index);  // of a set
   void ShowMatchedPhoto();    // of a set the one with the most matches
   std::optional<QPointF> InShownView(const InspectedMatch& match) const;
@@ -126,7 +127,7 @@ class ImagesDesk : public QWidget {
   QImage reference_picture_;                   // all of it
   std::vector<View> views_;                    // that localize matches of it; none of a photo
   std::vector<std::filesystem::path> photos_;  // of a set
-  int view_shown_ = -1;                        // -1: all of it
+  int view_shown_ = -1;                        // or of a set the photo; -1: all of it
   std::shared_ptr<const InspectedImage> inspected_;
   std::shared_ptr<const std::vector<InspectedMatch>> matches_;
   struct Prediction {

@@ -105,6 +105,16 @@ void ImagesDesk::ShowReference() {
       });
 }
 
+void ImagesDesk::ShowPart(int part, const QImage& picture, const QString& title) {
+  view_shown_ = part;
+  following_ = true;  // the image stays where it is
+  right_->SetPicture(picture, title);
+  following_ = false;
+  PlacePanes();
+  Redraw();
+  Follow(left_, right_);
+}
+
 void ImagesDesk::ShowPhoto(int index) {
   const int generation = ++view_generation_;
   if (index < 0 || index >= static_cast<int>(photos_.size())) return;
@@ -115,10 +125,7 @@ void ImagesDesk::ShowPhoto(int index) {
        index](const Attempted<QImage>& loaded) {
         if (generation != view_generation_) return;
         reference_picture_ = loaded.value;
-        view_shown_ = index;
-        right_->SetPicture(loaded.value, loaded.error.isEmpty() ? title : loaded.error);
-        PlacePanes();
-        Redraw();
+        ShowPart(index, loaded.value, loaded.error.isEmpty() ? title : loaded.error);
       });
 }
 
@@ -137,24 +144,15 @@ void ImagesDesk::ShowView() {
   if (!photos_.empty()) return ShowPhoto(view_->currentIndex());
   const int generation = ++view_generation_;
   if (reference_picture_.isNull()) return;
-  const auto show = [this](int view, const QImage& picture, const QString& title) {
-    view_shown_ = view;
-    following_ = true;  // the image stays where it is
-    right_->SetPicture(picture, title);
-    following_ = false;
-    PlacePanes();
-    Redraw();
-    Follow(left_, right_);
-  };
   const QString name = reference_->currentText();
   const int index = view_->currentIndex() - 1;
-  if (index < 0) return show(-1, reference_picture_, name);
+  if (index < 0) return ShowPart(-1, reference_picture_, name);
   const View& view = views_[static_cast<size_t>(index)];
   InBackground(
       this, [whole = reference_picture_, view] { return CutView(whole, view); },
-      [this, generation, show, index, title = TitleOf(name, index + 1, view)](const Attempted<QImage>& cut) {
+      [this, generation, index, title = TitleOf(name, index + 1, view)](const Attempted<QImage>& cut) {
         if (generation != view_generation_) return;
-        show(index, cut.value, cut.error.isEmpty() ? title : cut.error);
+        ShowPart(index, cut.value, cut.error.isEmpty() ? title : cut.error);
       });
 }
 

@@ -336,12 +336,6 @@ void OverviewDesk::Choose(const QString& object, const QString& run) {
   emit LookRequested(object);
 }
 
-QString OverviewDesk::StatusText(const std::string& status) {
-  [[maybe_unused]] static const char* kWords[] = {QT_TR_NOOP("no reference"), QT_TR_NOOP("no match"),
-                                                  QT_TR_NOOP("refused"), QT_TR_NOOP("localized")};
-  return tr(StatusName(status).c_str());
-}
-
 QString OverviewDesk::Elided(const QString& reason) const {
   const QFontMetrics metrics = matrix_->fontMetrics();
   return metrics.elidedText(reason, Qt::ElideRight, kWidestReason * metrics.averageCharWidth());
@@ -369,7 +363,7 @@ QTableWidgetItem* OverviewDesk::MatrixItem(const ErrorRecord& e) const {
     item->setBackground(colours.background);
     item->setForeground(colours.text);
   } else {
-    text = StatusText(e.status);
+    text = ReportText(StatusName(e.status));
     below = Elided(ReportText(e.reason));
   }
   item->setText(below.isEmpty() ? text : text + "\n" + below);
@@ -378,7 +372,7 @@ QTableWidgetItem* OverviewDesk::MatrixItem(const ErrorRecord& e) const {
 
 QTableWidgetItem* OverviewDesk::AnswerItem(const OverviewAnswer& answer) const {
   const bool located = answer.status == "localized";
-  auto* item = new QTableWidgetItem(StatusText(answer.status));
+  auto* item = new QTableWidgetItem(ReportText(StatusName(answer.status)));
   item->setData(Qt::UserRole + 1, Text("panorama:" + answer.panorama));
   item->setTextAlignment(Qt::AlignCenter);
   const QString sigma = answer.sigma_m ? SigmaText(*answer.sigma_m) : QString();

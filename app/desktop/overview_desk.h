@@ -63,7 +63,6 @@ class OverviewDesk : public QWidget {
   void FillMatrix();
   QTableWidgetItem* MatrixItem(const ErrorRecord& error) const;
   QTableWidgetItem* AnswerItem(const OverviewAnswer& answer) const;
-  static QString StatusText(const std::string& status);
   QString Elided(const QString& reason) const;
   QString SigmaText(double sigma_m) const;
   bool HasReference() const;  // the matrix is of errors at stations; else of panoramas' answers

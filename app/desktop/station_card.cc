@@ -194,7 +194,7 @@ void StationCard::ShowAnswers() {
     const int row = table_->rowCount();
     table_->insertRow(row);
     Put(row, 0, Text(a.run), Text(a.panorama));
-    QString text = a.status == "localized" ? tr("localized") : ReportText(StatusName(a.status));
+    QString text = ReportText(StatusName(a.status));
     if (a.status == "localized" && a.sigma_m) {
       text += QString::fromUtf8(", \xcf\x83 ") + workspace_->Length(*a.sigma_m, kDecimals) + tr(" (largest axis)");
     }

@@ -224,7 +224,7 @@ std::vector<MatchedView> ViewsOf(const Project& project, const ViewOptions& opti
       if (!set.empty()) views.back().view.name = fs::path(prepared.name).filename().string();
     }
   }
-  if (names.empty() || views.empty()) {
+  if (views.empty()) {
     throw InputError("there is no reference '" + panorama + "'; nearest: '" + NearestName(panorama, names) + "'");
   }
   return set.empty() ? views

@@ -13,14 +13,13 @@ import sys
 
 import numpy as np
 
+from score_lot import rotation
+
 DRAWS = 300
 
 
 def rotations(rows):
-    x, y, z, w = np.array(rows, float).T
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]]).transpose(2, 0, 1)
+    return np.array([rotation(q) for q in rows])
 
 
 def skew(v):
@@ -95,9 +94,9 @@ class Solution:
         angle = np.maximum(np.linalg.norm(step[:, :3], axis=1), 1e-12)[:, None, None]
         k = skew(step[:, :3])
         turn = np.eye(3) + np.sin(angle) / angle * k + (1 - np.cos(angle)) / angle**2 * k @ k
-        rotation = self.view_rotation[0] @ (turn @ self.rotation)
+        turned = self.view_rotation[0] @ (turn @ self.rotation)
         translation = (self.translation + step[:, 3:]) @ self.view_rotation[0].T + self.view_translation[0]
-        return -np.einsum("nji,nj->ni", rotation, translation)[:self.bodies]
+        return -np.einsum("nji,nj->ni", turned, translation)[:self.bodies]
 
 
 def ate(estimate, truth):

@@ -4115,18 +4115,6 @@
         <translation>%1 Ergebnisse sind fehlgeschlagen. %2</translation>
     </message>
     <message>
-        <source>no reference</source>
-        <translation>keine Referenz</translation>
-    </message>
-    <message>
-        <source>no match</source>
-        <translation>kein Treffer</translation>
-    </message>
-    <message>
-        <source>refused</source>
-        <translation>abgelehnt</translation>
-    </message>
-    <message>
         <source>&amp;Run again what failed</source>
         <translation>Fehlgeschlagenes &amp;noch einmal ausführen</translation>
     </message>
@@ -4157,10 +4145,6 @@
     <message>
         <source>Show the other %1</source>
         <translation>Die anderen %1 zeigen</translation>
-    </message>
-    <message>
-        <source>localized</source>
-        <translation>lokalisiert</translation>
     </message>
     <message>
         <source>&lt;b&gt;Answers&lt;/b&gt;, without a reference to compare them with. Below each the 1 sigma that it states, of its largest axis (%1), or why there is none.</source>
@@ -6550,10 +6534,6 @@ circles:4x11:0.02, asymmetric_circles:4x11:0.02 (Spalten x Zeilen, Abstand in m)
     <message>
         <source>none</source>
         <translation>keine</translation>
-    </message>
-    <message>
-        <source>localized</source>
-        <translation>lokalisiert</translation>
     </message>
     <message>
         <source> (largest axis)</source>
