@@ -9,15 +9,15 @@
 
 namespace trigpoint {
 
-// Nothing where the catalogue has no words for all of it: half a translation is worse than none. Of a longer text the
-// sentences and clauses are looked up one by one.
+// Nothing if a part of the text is not in the catalogue: half a translation is worse than none. The sentences and
+// clauses of a longer text are looked up one by one.
 std::optional<QString> TranslatedReportText(const QString& text);
 
 // The text itself where it is not translated.
 QString ReportText(const std::string& text);
 
-// With its words translated. Those that stand beside a point are set smaller, all alike, so that each stays in the room
-// that was made for the English ones.
+// The drawing with its texts translated. Texts to the right of a point, such as those of legends, are all made smaller
+// by the same factor, so that none is wider than in English.
 Drawing InWindowLanguage(Drawing drawing);
 
 }  // namespace trigpoint

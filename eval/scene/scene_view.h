@@ -52,7 +52,7 @@ struct SceneStyle {
   double text_px = 18;       // height of labels
   int max_spheres = 300;     // textured ones; further answers are dots
   int max_labels = 80;       // station and tag labels of each kind; with more, none are drawn
-  // Into the language of whoever looks; none: English.
+  // Translates the texts of legend and colour bar; without it they are English.
   std::function<std::string(const std::string&)> words;
 };
 
