@@ -310,8 +310,9 @@ bool IsShownWell(const std::vector<Rigid3d>& poses, const MeasuredMotion& m, con
 }
 
 // The poses between which odometry jumps: all motions that contradict it span that step, or begin or end at the one
-// pose that is wrong, and the others agree. A single one must be shown well. One pose must stand out by its steps, too:
-// else its image is of another moment. Nothing where they say no such thing.
+// pose that is wrong, and the others agree: a wrong lens model shows in most motions, and at one place most. A single
+// one must be shown well. One pose must stand out by its steps, too: else its image is of another moment. Nothing where
+// they say no such thing.
 std::optional<std::pair<int, int>> FindBrokenPlace(const LocalizeInput& input,
                                                    const std::vector<MeasuredMotion>& motions, const JumpGates& gates) {
   const std::vector<Rigid3d>& poses = input.odom_from_body;
@@ -326,10 +327,18 @@ std::optional<std::pair<int, int>> FindBrokenPlace(const LocalizeInput& input,
     return std::nullopt;
   }
   const auto explains = [&](const auto& touches) {
-    int apart = 0, through = 0;
-    for (const MeasuredMotion* m : right) (touches(*m) ? through : apart)++;
-    return std::all_of(off.begin(), off.end(), [&](const MeasuredMotion* m) { return touches(*m); }) &&
-           apart >= kLeastRight && 2 * through <= static_cast<int>(off.size());
+    if (!std::all_of(off.begin(), off.end(), [&](const MeasuredMotion* m) { return touches(*m); })) return false;
+    std::vector<MeasuredMotion> apart;
+    int through = 0;
+    for (const MeasuredMotion* m : right) {
+      if (touches(*m)) {
+        ++through;
+      } else {
+        apart.push_back(*m);
+      }
+    }
+    return static_cast<int>(apart.size()) >= kLeastRight && 2 * through <= static_cast<int>(off.size()) &&
+           JudgeReadings(poses, apart, {PoseReadings().front()}).kind != ReadingVerdict::Kind::kContradicted;
   };
   const int last = static_cast<int>(poses.size()) - 1;
   for (int k = 0; k < last; ++k) {
