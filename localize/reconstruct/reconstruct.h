@@ -17,7 +17,7 @@ struct ReconstructOptions {
   double sigma_px = 0.6;                    // first guess of the features' noise, px; estimated afterwards
   bool estimate_sigma = true;               // from the residuals (variance factor)
   std::string loss = "dcs";                 // robust kernel of observations: none, huber, cauchy, tukey, dcs
-  double loss_chi2 = 5.99;                  // its threshold, chi-square with 2 dof
+  double loss_chi2 = 3;                     // its threshold, chi-square with 2 dof: tests/benchmarks/loss_efficiency.py
   double outlier_chi2 = 13.8;               // observations beyond it are dropped (2 dof, 0.1 %)
   double min_parallax_deg = 0.5;            // points seen under less are kept out of the bundle
   double max_depth_m = 500;                 // points farther away are kept out of the bundle

@@ -25,6 +25,8 @@ namespace {
 
 using Poses = std::vector<std::optional<Rigid3d>>;  // body_from_odom
 
+constexpr double kLossChi2 = 4 * 5.99;  // wide: poses that were just added are some pixels off
+
 const FrameImage& ImageAt(const LocalizeInput& input, int image) { return input.images[static_cast<size_t>(image)]; }
 
 const BodyCamera& CameraOf(const LocalizeInput& input, int image) {
@@ -161,7 +163,7 @@ void Adjust(const LocalizeInput& input, const TrackSet& tracks, bool poses_too, 
   }
   p.points.assign(static_cast<size_t>(tracks.tracks), Eigen::Vector3d::Zero());
   r.point_valid.assign(p.points.size(), false);
-  p.loss = MakeLoss("dcs", options.loss_chi2 * 4);
+  p.loss = MakeLoss("dcs", kLossChi2);
   PoseFactor gauge;
   gauge.kind = PoseFactor::Kind::kBetween;
   gauge.a = of_pose[static_cast<size_t>(model->first.first)];
@@ -228,7 +230,7 @@ std::optional<Rigid3d> Place(const LocalizeInput& input, int image, const Sighte
   p.poses = {best.model};
   p.views = {Rigid3d()};
   p.points_constant = true;
-  p.loss = MakeLoss("dcs", 4 * 5.99);
+  p.loss = MakeLoss("dcs", kLossChi2);
   for (int k : best.inliers) {
     const Eigen::Vector3d& ray = seen.rays[static_cast<size_t>(k)];
     const auto pixel = camera.camera.Project(ray);

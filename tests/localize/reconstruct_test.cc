@@ -148,14 +148,18 @@ double PositionError(const Street& street, const std::vector<Rigid3d>& odom_from
                    static_cast<double>(n));
 }
 
-// A calibration that is off makes images contradict odometry where no residual shows it: with few images, too, the
+// A calibration that is off makes images contradict odometry where no residual shows it. How the images' error and
+// odometry's noise add up is chance: from half of odometry's error to twice. On average, with few images, too, the
 // result is not worse than the odometry that it was given.
 TEST(Reconstruct, ImagesThatContradictOdometryDoNotHarmIt) {
-  for (const uint64_t seed : {5, 6, 7}) {
+  constexpr int kDraws = 12;
+  double ratios = 0;
+  for (uint64_t seed = 1; seed <= kDraws; ++seed) {
     const Street street = ThinOut(MakeStreet(0.05, seed), 4);
     const Reconstruction r = Solve(street);
-    EXPECT_LT(PositionError(street, Bodies(r)), 1.2 * PositionError(street, street.input.odom_from_body)) << seed;
+    ratios += PositionError(street, Bodies(r)) / PositionError(street, street.input.odom_from_body);
   }
+  EXPECT_LT(ratios / kDraws, 1.1);
 }
 
 // Every fifth track gets an observation of another point: a wrong match has joined two.
