@@ -310,7 +310,7 @@ bool IsShownWell(const std::vector<Rigid3d>& poses, const MeasuredMotion& m, con
 }
 
 // The poses between which odometry jumps: all motions that contradict it span that step, or begin or end at the one
-// pose that is wrong, and the others agree: a wrong lens model shows in most motions, and at one place most. A single
+// pose that is wrong, and the others agree (with a wrong lens model they do not, though one place stands out). A single
 // one must be shown well. One pose must stand out by its steps, too: else its image is of another moment. Nothing where
 // they say no such thing.
 std::optional<std::pair<int, int>> FindBrokenPlace(const LocalizeInput& input,

@@ -13,7 +13,7 @@ import sys
 
 import numpy as np
 
-from score_lot import rotation
+from score_lot import rigid_fit, rms, rotation
 
 DRAWS = 300
 
@@ -99,11 +99,16 @@ class Solution:
         return -np.einsum("nji,nj->ni", turned, translation)[:self.bodies]
 
 
+def similarity(source, target):
+    """A function that takes positions by the similarity that brings source to target, least squares (Umeyama)."""
+    turn, _ = rigid_fit(source, target)
+    a, b = (source - source.mean(0)) @ turn.T, target - target.mean(0)
+    scale = (a * b).sum() / (a * a).sum()
+    return lambda positions: scale * (positions - source.mean(0)) @ turn.T + target.mean(0)
+
+
 def ate(estimate, truth):
-    a, b = estimate - estimate.mean(0), truth - truth.mean(0)
-    u, _, v = np.linalg.svd(b.T @ a)
-    a = a @ (u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v).T
-    return np.sqrt((((a * b).sum() / (a * a).sum() * a - b)**2).sum(1).mean())
+    return rms(similarity(estimate, truth)(estimate) - truth)
 
 
 def expected(file):

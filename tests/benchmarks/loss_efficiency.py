@@ -6,8 +6,8 @@
 Residuals of features have a core and long tails: Student's t in two dimensions with few degrees of freedom (dof). For
 such noise, gated and scaled to unit variance as `reconstruct` does, it prints the asymptotic variance of estimates with
 Dynamic Covariance Scaling for several thresholds, relative to the inverse Fisher information of that noise without a
-gate, which drops the worst at no cost: hence values below 1. The last column is the threshold's worst case, which is
-least at 3.
+gate. Values below 1 are possible, because the gate drops the worst residuals. The last column is the worst case of a
+threshold; it is least at 3.
 """
 import numpy as np
 

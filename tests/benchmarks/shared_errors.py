@@ -15,15 +15,10 @@ import sys
 
 import numpy as np
 
-from expected_ate import Solution, ate
-from score_lot import rotation
+from expected_ate import Solution, ate, similarity
+from score_lot import nearest, rotation, tum
 
 DRAWS = 20
-
-
-def poses_of(file):
-    rows = [line.split() for line in open(file, encoding="utf-8") if line.strip() and line[0] != "#"]
-    return {round(float(row[0]) * 1e6): np.array(row[1:8], float) for row in rows}
 
 
 class AtTruth(Solution):
@@ -31,46 +26,30 @@ class AtTruth(Solution):
 
     def __init__(self, file, truth):
         super().__init__(file)
-        self.before = ate(self.centres(np.zeros((len(self.rotation), 6))), self.true_centres(file, truth))
-        threshold = float(self.db(file).execute("select loss from run").fetchone()[0].split()[1])
+        db = sqlite3.connect(f"file:{file}?mode=ro", uri=True)
+        threshold = float(db.execute("select loss from run").fetchone()[0].split()[1])
         squares = (self.residuals() ** 2).sum(1)
         kernel = np.minimum(1, (2 * threshold / (threshold + squares)) ** 2)  # Dynamic Covariance Scaling
         self.weight = self.weight * np.sqrt(kernel)[:, None, None]
-        self.move_to(self.true_rotation, self.true_translation)
+        still = np.zeros((len(self.rotation), 6))
+        before = self.centres(still)
+        self.take_true_poses(db, truth)
+        self.before = ate(before, self.centres(still))
+        self.points = similarity(before, self.centres(still))(self.points)
         own = self.pose < self.bodies
         seen = np.bincount(self.point[own], minlength=len(self.points))
         self.keep(own & (seen[self.point] >= 2))
         self.triangulate()
 
-    @staticmethod
-    def db(file):
-        return sqlite3.connect(f"file:{file}?mode=ro", uri=True)
-
-    def true_centres(self, file, truth):
-        """Of the first view of every body pose; keeps the true poses."""
-        self.true_rotation, self.true_translation = self.rotation.copy(), self.translation.copy()
-        for stamp, camera, pose in self.db(file).execute("select stamp_ns, camera, pose from images"):
-            nearest = min(truth, key=lambda t: abs(t - stamp / 1000))
-            if abs(nearest - stamp / 1000) > 1000:
+    def take_true_poses(self, db, truth):
+        for stamp, camera, pose in db.execute("select stamp_ns, camera, pose from images"):
+            time = nearest(stamp / 1e9, truth)
+            if abs(time - stamp / 1e9) > 1e-3:
                 raise SystemExit(f"no true pose within 1 ms of {stamp} ns")
-            turn = rotation(truth[nearest][3:7]).T
+            turn, centre = rotation(truth[time][3:]).T, truth[time][:3]
             rig_from_view = self.view_rotation[camera].T
-            self.true_rotation[pose] = rig_from_view @ turn
-            self.true_translation[pose] = rig_from_view @ (-turn @ truth[nearest][:3] - self.view_translation[camera])
-        view, shift = self.view_rotation[0], self.view_translation[0]
-        own = slice(0, self.bodies)
-        return -np.einsum("nji,nj->ni", view @ self.true_rotation[own], self.true_translation[own] @ view.T + shift)
-
-    def move_to(self, rotations_, translations):
-        """Points go along by the similarity that takes the solution's centres to the true ones."""
-        old = -np.einsum("nji,nj->ni", self.rotation, self.translation)[:self.bodies]
-        new = -np.einsum("nji,nj->ni", rotations_, translations)[:self.bodies]
-        a, b = old - old.mean(0), new - new.mean(0)
-        u, _, v = np.linalg.svd(b.T @ a)
-        turn = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v
-        scale = (b * (a @ turn.T)).sum() / (a * a).sum()
-        self.points = scale * (self.points - old.mean(0)) @ turn.T + new.mean(0)
-        self.rotation, self.translation = rotations_, translations
+            self.rotation[pose] = rig_from_view @ turn
+            self.translation[pose] = rig_from_view @ (-turn @ centre - self.view_translation[camera])
 
     def keep(self, which):
         self.point, self.pose, self.view = self.point[which], self.pose[which], self.view[which]
@@ -82,29 +61,30 @@ class AtTruth(Solution):
         in_view += self.view_translation[self.view]
         return np.einsum("nij,nj->ni", self.weight, in_view / np.linalg.norm(in_view, axis=1)[:, None])
 
+    def point_steps(self, of_point):
+        """A function of residuals: the steps of the points that reduce them most."""
+        normal = np.tile(1e-9 * np.eye(3), (len(self.points), 1, 1))
+        np.add.at(normal, self.point, np.einsum("nij,nil->njl", of_point, of_point))
+        inverse = np.linalg.inv(normal)
+
+        def steps(residuals):
+            right = np.zeros((len(self.points), 3))
+            np.add.at(right, self.point, np.einsum("nij,ni->nj", of_point, residuals))
+            return -np.einsum("nij,nj->ni", inverse, right)
+
+        return steps
+
     def triangulate(self):
         for _ in range(10):
-            _, of_point = self.jacobians()
-            n = len(self.points)
-            normal, right = np.zeros((n, 3, 3)), np.zeros((n, 3))
-            np.add.at(normal, self.point, np.einsum("nij,nil->njl", of_point, of_point))
-            np.add.at(right, self.point, np.einsum("nij,ni->nj", of_point, self.residuals()))
-            normal += 1e-9 * np.eye(3)
-            self.points -= np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+            self.points += self.point_steps(self.jacobians()[1])(self.residuals())
 
     def gradient(self):
         """A function of residuals: what they ask of the poses once points have followed."""
         of_pose, of_point = self.jacobians()
-        n = len(self.points)
-        normal = np.zeros((n, 3, 3))
-        np.add.at(normal, self.point, np.einsum("nij,nil->njl", of_point, of_point))
-        inverse = np.linalg.inv(normal + 1e-9 * np.eye(3))
+        steps = self.point_steps(of_point)
 
         def ask(residuals):
-            right = np.zeros((n, 3))
-            np.add.at(right, self.point, np.einsum("nij,ni->nj", of_point, residuals))
-            moved = np.einsum("nij,nj->ni", inverse, right)[self.point]
-            rest = residuals - np.einsum("nij,nj->ni", of_point, moved)
+            rest = residuals + np.einsum("nij,nj->ni", of_point, steps(residuals)[self.point])
             out = np.zeros((len(self.rotation), 6))
             np.add.at(out, self.pose, np.einsum("nij,ni->nj", of_pose, rest))
             return out.ravel()
@@ -115,7 +95,7 @@ class AtTruth(Solution):
 def main():
     if len(sys.argv) != 3:
         raise SystemExit(__doc__)
-    at_truth = AtTruth(sys.argv[1], poses_of(sys.argv[2]))
+    at_truth = AtTruth(sys.argv[1], tum(sys.argv[2]))
     free = np.arange(6, 6 * at_truth.bodies)  # the first pose is held
     information = at_truth.information()[np.ix_(free, free)]
     inverse, ask = np.linalg.inv(information), at_truth.gradient()

@@ -148,9 +148,9 @@ double PositionError(const Street& street, const std::vector<Rigid3d>& odom_from
                    static_cast<double>(n));
 }
 
-// A calibration that is off makes images contradict odometry where no residual shows it. How the images' error and
-// odometry's noise add up is chance: from half of odometry's error to twice. On average, with few images, too, the
-// result is not worse than the odometry that it was given.
+// A calibration that is off makes images contradict odometry where no residual shows it. Whether the images' error
+// and odometry's add up or cancel is chance: a result has 0.4 to 2 times odometry's error. On average it is not worse
+// than the odometry that it was given, with few images, too.
 TEST(Reconstruct, ImagesThatContradictOdometryDoNotHarmIt) {
   constexpr int kDraws = 12;
   double ratios = 0;
