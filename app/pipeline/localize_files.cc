@@ -8,6 +8,7 @@
 #include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/image.h"
 #include "datasets/io/motion_rates.h"
 #include "datasets/io/source_quality.h"
 #include "localize/reconstruct/rolling_shutter.h"
@@ -426,6 +427,7 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
   const int64_t gap = input.has_odometry ? LongestGap(run.odometry) : 0;
   const auto store = std::make_shared<FeatureStore>(run_features);
   std::map<int64_t, int> pose_of;
+  std::vector<ImageEntry> entries;
   for (const ImageEntry& entry : run.images) {
     if (!store->Has(entry.file)) {
       ++job.without_features;
@@ -444,6 +446,7 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
       input.odom_from_body.push_back(*odom_from_body);
     }
     input.images.push_back({entry.stamp_ns, entry.file, entry.camera, it->second});
+    entries.push_back(entry);
   }
   if (job.without_odometry > 0) {
     job.warnings.push_back("run " + run.name + ": " + std::to_string(job.without_odometry) +
@@ -459,6 +462,13 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
     const FrameImage& image = images[static_cast<size_t>(i)];
     const BodyCamera& camera = cameras[static_cast<size_t>(image.camera)];
     return AtImageTime(store->Read(image.name), camera, rates[static_cast<size_t>(image.pose)]);
+  };
+  input.image_picture = [run = std::make_shared<const Run>(run), entries = std::move(entries)](int i) {
+    try {
+      return LoadGrey(*run, entries[static_cast<size_t>(i)]);
+    } catch (const InputError&) {
+      return cv::Mat();  // the features stage has read it; it has gone or changed since
+    }
   };
   return job;
 }

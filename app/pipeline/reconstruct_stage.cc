@@ -61,6 +61,7 @@ nlohmann::json ReconstructionMetrics(const LocalizeJob& job, const RunReconstruc
     m["pairs"]["rejected_images"].push_back(
         {job.input.images[static_cast<size_t>(pair.a)].name, job.input.images[static_cast<size_t>(pair.b)].name});
   }
+  m["alignment"] = {{"tried", run.alignments_tried}, {"aligned", run.aligned}};
   m["loops"] = {{"tried", run.loops.tried},
                 {"found", run.loops.found},
                 {"contradicting", run.loops.contradicting},
@@ -245,7 +246,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 13;
+    request.version = 14;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

@@ -48,6 +48,8 @@ struct LocalizeInput {
   // Of cameras with a readout time: where the features of far points would be at the image's time.
   std::function<FeatureSet(int image)> image_features;
   std::function<FeatureSet(int reference, int view)> view_features;
+  // Grey, 8 bit; empty where it cannot be read. No function: pictures are not at hand.
+  std::function<cv::Mat(int image)> image_picture;
   bool has_frame = false;
   LocalFrame frame;
   bool levelled = false;

@@ -267,13 +267,14 @@ void RetriangulateInvalid(double chi2, Reconstruction* r, int threads, const Can
 
 // The first poses are many sigmas of an observation off: with the final kernel correct observations would be
 // rejected, and a subset that agrees by chance would be kept. Kernel and gate begin wide and shrink together.
-void SolveFromFarOff(const ReconstructOptions& options, BundleOptions bundle, Reconstruction* r, ProgressSink& progress,
-                     const CancelToken& cancel) {
+void ApproachSolution(const ReconstructOptions& options, bool near, BundleOptions bundle, Reconstruction* r,
+                      ProgressSink& progress, const CancelToken& cancel) {
   BundleProblem& p = r->problem;
   bundle.max_iterations = 12;
   bundle.relative_cost_tolerance = 1e-3;
   r->point_valid.assign(p.points.size(), false);
-  for (const double wider : {20.0, 8.0, 3.0}) {
+  const std::vector<double> widths = near ? std::vector<double>{3.0} : std::vector<double>{20.0, 8.0, 3.0};
+  for (const double wider : widths) {
     const double gate = wider * wider * options.outlier_chi2;
     RetriangulateInvalid(gate, r, bundle.threads, cancel);
     Gate(options, gate, r);
@@ -539,7 +540,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
     Gate(options, gate, &r);
     OptimizePoints(p, 10, threads, cancel);
   } else {
-    SolveFromFarOff(options, bundle, &r, progress, cancel);
+    ApproachSolution(options, start.near, bundle, &r, progress, cancel);
   }
   for (int round = 0; round < rounds; ++round) {
     cancel.ThrowIfCancelled();

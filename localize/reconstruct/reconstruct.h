@@ -79,6 +79,7 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
 struct ReconstructStart {
   std::vector<Rigid3d> odom_from_body;  // first guess of the poses; the gauge is the first one, held there
   OdometryNoise odometry_noise;         // until it is estimated
+  bool near = false;                    // the poses are solved from almost the same observations
 };
 
 // Of `tracks` tracks, whose observations are given up: a long run has no room for them twice.

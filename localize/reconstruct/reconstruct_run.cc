@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
+#include "localize/reconstruct/patch_alignment.h"
 
 namespace trigpoint {
 
@@ -48,13 +49,37 @@ ReconstructRunOptions WithoutOdometry(ReconstructRunOptions o) {
   return o;
 }
 
+// A start at what is solved already.
+ReconstructStart From(const Reconstruction& solved, ReconstructStart start) {
+  for (size_t k = 0; k < start.odom_from_body.size(); ++k) {
+    start.odom_from_body[k] = solved.problem.poses[k].Inverse();
+  }
+  start.near = true;
+  return start;
+}
+
+// Reconstructs again, with observations that show the same spot of their points.
+void AlignPoints(const LocalizeInput& input, const ReconstructStart& start, const ReconstructOptions& options,
+                 int threads, ProgressSink& progress, const CancelToken& cancel, RunReconstruction* run) {
+  if (!input.image_picture) return;
+  Reconstruction& r = run->reconstruction;
+  AlignedTracks tracks = AlignPatches(input, r, threads, progress, cancel);
+  run->alignments_tried = tracks.tried;
+  run->aligned = tracks.aligned;
+  const ReconstructStart solved = From(r, start);
+  const int points = static_cast<int>(r.problem.points.size());
+  r = {};
+  r = Reconstruct(input, solved, points, std::move(tracks.observations), options, false, threads, progress, cancel);
+  progress.Log(LogLevel::kInfo, std::to_string(run->aligned) + " of " + std::to_string(run->alignments_tried) +
+                                    " observations aligned with the pictures of their points");
+}
+
 // Reconstructs again, with rays that are corrected for the cameras' translation while their rows were read out.
-void ReadOutRows(const LocalizeInput& input, ReconstructStart start, const ReconstructOptions& options, int threads,
-                 ProgressSink& progress, const CancelToken& cancel, Reconstruction* r) {
+void ReadOutRows(const LocalizeInput& input, const ReconstructStart& start, const ReconstructOptions& options,
+                 int threads, ProgressSink& progress, const CancelToken& cancel, Reconstruction* r) {
   if (!HasReadout(input.cameras)) return;
-  for (size_t k = 0; k < start.odom_from_body.size(); ++k) start.odom_from_body[k] = r->problem.poses[k].Inverse();
-  *r = Reconstruct(input, start, static_cast<int>(r->problem.points.size()), AtImageTimes(input, *r), options, false,
-                   threads, progress, cancel);
+  *r = Reconstruct(input, From(*r, start), static_cast<int>(r->problem.points.size()), AtImageTimes(input, *r), options,
+                   false, threads, progress, cancel);
 }
 
 // None where the images do not determine it.
@@ -92,7 +117,9 @@ RunReconstruction ReconstructRun(const LocalizeInput& input, const ReconstructRu
     run.loops =
         CloseLoops(input, options.loops, {}, options.reconstruct, &run.reconstruction, threads, seed, progress, cancel);
     steps.End("loops");
-    ReadOutRows(input, std::move(start), options.reconstruct, threads, progress, cancel, &run.reconstruction);
+    if (options.align_patches && video) AlignPoints(input, start, options.reconstruct, threads, progress, cancel, &run);
+    steps.End("alignment");
+    ReadOutRows(input, start, options.reconstruct, threads, progress, cancel, &run.reconstruction);
     run.readout = ReadoutTimes(input, run.reconstruction);
     steps.End("rolling shutter");
   }

@@ -16,6 +16,7 @@ struct ReconstructRunOptions {
   ViewGraphOptions pairs;
   ReconstructOptions reconstruct;
   LoopOptions loops;
+  bool align_patches = true;      // the pictures about features; not of photos far apart, not in paper mode
   bool check_conventions = true;  // refuse odometry and calibrations that images contradict; for the caller
 
   StructureFromMotionOptions motion;
@@ -28,6 +29,9 @@ struct ReconstructRunOptions {
     visit(self.tracks, {"tracks", "", 0, 0, "tracks of features through the images"});
     visit(self.pairs, {"pairs", "", 0, 0, "pairs of images beyond neighbours in time"});
     visit(self.reconstruct, {"reconstruct", "", 0, 0, "points and camera poses"});
+    visit(self.align_patches, {"align_patches", "", 0, 1,
+                               "align the pictures about a point's features with each other, where images are close "
+                               "together; it takes half as long as the rest"});
     visit(self.check_conventions,
           {"check_conventions", "", 0, 1,
            "refuse odometry that images or GPS contradict (order, signs, axes, unit, jumps) and "
@@ -46,6 +50,7 @@ struct RunReconstruction {
   int pairs_joined = 0;                   // verified, and in agreement with odometry and each other
   std::vector<ImagePair> pairs_rejected;  // verified, but contradicted
   LoopSummary loops;
+  int64_t alignments_tried = 0, aligned = 0;  // observations aligned with their points' pictures
   std::vector<ReadoutEstimate> readout;  // of the cameras' rolling shutters, as the images show it; not in paper mode
   StepSeconds seconds;
 };
