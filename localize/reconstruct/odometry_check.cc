@@ -437,6 +437,31 @@ std::string Contradiction(const ReadingVerdict& v, const std::string& odometry) 
   return text + ". Option check_conventions=false skips this check";
 }
 
+struct Turns {
+  Eigen::Vector3d odometry, images;  // of a sensor between two images, rad
+};
+
+Turns TurnsOf(const std::vector<Rigid3d>& poses, const MeasuredMotion& motion) {
+  const auto pose = [&](int k) {
+    return poses[static_cast<size_t>(k)].rotation * motion.sensor_from_body.rotation.conjugate();
+  };
+  return {LogSO3(pose(motion.b).conjugate() * pose(motion.a)), LogSO3(motion.b_from_a.rotation)};
+}
+
+// Whether odometry turns more to one side than the images, about an axis of the body: a drift is no noise.
+bool Drifts(const std::vector<Rigid3d>& poses, const std::vector<MeasuredMotion>& motions) {
+  constexpr double kSigmas = 4;
+  Eigen::Array3d sum = Eigen::Array3d::Zero(), squares = Eigen::Array3d::Zero();
+  for (const MeasuredMotion& motion : motions) {
+    const Turns turns = TurnsOf(poses, motion);
+    const Eigen::Array3d off = motion.sensor_from_body.rotation.conjugate() * (turns.odometry - turns.images);
+    sum += off, squares += off.square();
+  }
+  const double n = static_cast<double>(motions.size());
+  const Eigen::Array3d mean = sum / n, variance = squares / n - mean.square();
+  return (mean.abs() > kSigmas * (variance.max(0) / std::max(1, IndependentMotions(motions))).sqrt()).any();
+}
+
 // Rotations that scatter about those of the images by a few degrees, neither less nor more in all, while directions
 // agree: noise, which no other reading mends.
 bool IsNoise(const ReadingVerdict& verdict, const std::vector<Rigid3d>& poses,
@@ -445,16 +470,13 @@ bool IsNoise(const ReadingVerdict& verdict, const std::vector<Rigid3d>& poses,
   constexpr int kLeast = 4;
   const MotionAgreement& m = verdict.as_read;
   const bool directions = m.directions >= kLeast && 2 * m.directions_agree > m.directions;
-  if (!verdict.better.empty() || !directions || m.rotation_off_rad > kMost_rad) return false;
+  if (!verdict.better.empty() || !directions || m.rotation_off_rad > kMost_rad || Drifts(poses, motions)) return false;
   // The slope of odometry's turns over the images' is 1 for noise; 0 where it turns about another axis or not at all.
   double both = 0, images = 0, odometry = 0;
   for (const MeasuredMotion& motion : motions) {
-    const auto pose = [&](int k) {
-      return poses[static_cast<size_t>(k)].rotation * motion.sensor_from_body.rotation.conjugate();
-    };
-    const Eigen::Vector3d by_odometry = LogSO3(pose(motion.b).conjugate() * pose(motion.a)),
-                          by_images = LogSO3(motion.b_from_a.rotation);
-    both += by_odometry.dot(by_images), images += by_images.squaredNorm(), odometry += by_odometry.squaredNorm();
+    const Turns turns = TurnsOf(poses, motion);
+    both += turns.odometry.dot(turns.images), images += turns.images.squaredNorm();
+    odometry += turns.odometry.squaredNorm();
   }
   if (!(images > 0)) return false;
   const double slope = both / images;

@@ -30,7 +30,7 @@ struct RegistrationOptions {
   double rival_share = 0.3;          // another pose that explains more than this share of what the best does: ambiguous
   double rival_support_share = 0.6;  // the same for the points found where the pose predicts them
   double max_distance_m = 30;        // from the nearest camera
-  double max_sigma_m = 0.35;         // largest position sigma (worst axis) of an answer
+  double max_sigma_m = 1;            // largest position sigma (worst axis) of an answer
   double set_radius_m = 1.0;         // the photos of a set were taken within it of each other
   double homography_px = 4;          // RANSAC threshold of the paper's homography
   int homography_images = 5;         // images that speak for a view, those with the most matches (paper mode)
