@@ -218,6 +218,20 @@ std::optional<Eigen::Matrix3d> PointCovariance(const RunScene& scene, const Mode
   return lu.inverse();
 }
 
+namespace {
+
+// The features of an image, those of points where the reconstruction takes them to be: pictures of points are aligned.
+FeatureSet FeaturesAsMeasured(const RunScene& scene, size_t image, FeatureSet features) {
+  const ModelImage& model = scene.model.images[image];
+  for (size_t k = 0; k < model.pixels.size(); ++k) {
+    if (model.points[k] < 0) continue;
+    features.points[static_cast<size_t>(scene.feature_of[image][k])] = model.pixels[k].cast<float>();
+  }
+  return features;
+}
+
+}  // namespace
+
 void WriteSceneDatabase(const RunScene& scene, const fs::path& file, const CancelToken& cancel) {
   const FeatureStore store(scene.features);
   ColmapDatabase database = ColmapDatabase::Create(file);
@@ -227,8 +241,9 @@ void WriteSceneDatabase(const RunScene& scene, const fs::path& file, const Cance
   std::vector<uint32_t> image_ids;
   for (const ModelImage& image : scene.model.images) {
     cancel.ThrowIfCancelled();
+    const FeatureSet features = FeaturesAsMeasured(scene, image_ids.size(), store.Read(image.name));
     image_ids.push_back(database.AddImage(image.name, camera_ids.at(image.camera_id)));
-    database.WriteFeatures(image_ids.back(), store.Read(image.name));
+    database.WriteFeatures(image_ids.back(), features);
   }
   std::map<std::pair<size_t, size_t>, std::vector<std::pair<int, int>>> matches;  // by indices of images
   for (const ModelPoint& point : scene.model.points) {
