@@ -205,7 +205,9 @@ CameraFile ReadOpenCvXml(const fs::path& file, const std::string& text, int widt
   try {
     const cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_XML);
     node = NodeOf(storage.root());
-  } catch (const cv::Exception&) {
+  } catch (const InputError&) {
+    throw;
+  } catch (const std::exception&) {  // cv::Exception, and what the library lets pass from below
     throw InputError(file.string() + ": expected XML as OpenCV writes it, found a fault in it; write it again");
   }
   return ReadMapOfCameras(file, node, width, height);
