@@ -224,8 +224,10 @@ namespace {
 FeatureSet FeaturesAsMeasured(const RunScene& scene, size_t image, FeatureSet features) {
   const ModelImage& model = scene.model.images[image];
   for (size_t k = 0; k < model.pixels.size(); ++k) {
-    if (model.points[k] < 0) continue;
-    features.points[static_cast<size_t>(scene.feature_of[image][k])] = model.pixels[k].cast<float>();
+    const auto feature = static_cast<size_t>(scene.feature_of[image][k]);
+    // Features may have been found anew since.
+    if (model.points[k] >= 0 && feature < features.points.size())
+      features.points[feature] = model.pixels[k].cast<float>();
   }
   return features;
 }
