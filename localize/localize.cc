@@ -1,5 +1,7 @@
 #include "localize/localize.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -390,6 +392,22 @@ void NoteGeotags(const GeoStart& earth, Localization* result) {
   }
 }
 
+// Repeated structure can put a reference elsewhere with a few dozen points. Where its own geotag says so, more of them
+// are needed; with many, it is the geotag that is wrong.
+void RejectContradicted(int least, Localization* result) {
+  for (ReferenceAnswer& answer : result->references) {
+    Registration& g = answer.registration;
+    const auto repeated = [](const ViewObservation& o) { return o.repeated; };
+    const auto points =
+        g.inliers.size() - static_cast<size_t>(std::count_if(g.inliers.begin(), g.inliers.end(), repeated));
+    if (answer.pose < 0 || !answer.geotag_outlier || points >= static_cast<size_t>(least)) continue;
+    g.status = AnswerStatus::kRejected;
+    g.reason = fmt::format("{} points of the run fit a pose {:.1f} m from its geotag, {} needed where the two disagree",
+                           points, answer.geotag_difference.norm(), least);
+    answer.pose = -1;
+  }
+}
+
 // World pose of one of the problem's poses.
 PoseEstimate WorldPose(const Localization& result, int pose) {
   const auto at = static_cast<size_t>(pose);
@@ -425,6 +443,7 @@ void Answer(const Task& task, EarthFit earth, Localization* result) {
   const size_t body_poses = task.input.odom_from_body.size();
   if (result->on_earth) {
     NoteGeotags(earth.input, result);
+    RejectContradicted(task.options.registration.min_contradicted_inliers, result);
     std::vector<PoseEstimate> bodies(body_poses);
     ParallelFor(static_cast<int64_t>(body_poses), task.threads, task.cancel,
                 [&](int64_t i) { bodies[static_cast<size_t>(i)] = WorldPose(*result, static_cast<int>(i)); });

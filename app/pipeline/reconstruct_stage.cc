@@ -8,6 +8,7 @@
 #include "app/pipeline/stage_list.h"
 #include "datasets/project/manifest.h"
 #include "datasets/solution/solution_file.h"
+#include "localize/reconstruct/camera_arm.h"
 #include "localize/reconstruct/lens_check.h"
 #include "localize/reconstruct/odometry_check.h"
 #include "localize/reconstruct/odometry_unit.h"
@@ -90,12 +91,25 @@ void OfferReadout(const LocalizeInput& input, const std::vector<ReadoutEstimate>
   }
 }
 
-// Refuses odometry that follows other conventions than those of docs/file_formats.md.
-void RequireConventions(const Run& run, const LocalizeInput& input, StageContext& context) {
-  if (const auto unit = FindOtherUnit(run)) throw RefusedInput(kOdometry, *unit);
-  const auto contradiction = FindContradiction(input, run.odometry, (run.dir / "odometry.tum").string(), {},
-                                               context.threads, context.seed, context.progress, context.cancel);
-  if (contradiction) throw RefusedInput(kOdometry, *contradiction);
+// Refuses odometry that follows other conventions than those of docs/file_formats.md; takes out an even drift. Whether
+// the odometry has changed.
+bool RequireConventions(const LocalizeInput& input, const ReconstructOptions& options, Run* run,
+                        StageContext& context) {
+  if (const auto unit = FindOtherUnit(*run)) throw RefusedInput(kOdometry, *unit);
+  OdometryCheckOptions check;
+  check.noise_rad = RotationNoise(OdometryFactors(input, options, Vector6d::Ones()));
+  const std::string file = (run->dir / "odometry.tum").string();
+  const OdometryFinding found =
+      CheckOdometry(input, run->odometry, file, check, context.threads, context.seed, context.progress, context.cancel);
+  if (found.contradiction) throw RefusedInput(kOdometry, *found.contradiction);
+  if (!found.drift) return false;
+  context.progress.Log(LogLevel::kWarning,
+                       file + ": by the images, " + DriftText(*found.drift) +
+                           "; it is taken out. A wrong calibration (focal length, principal point) shows the same on a "
+                           "path that bends to one side: check the gyroscope or wheels that odometry is from, and "
+                           "camchain.yaml");
+  run->odometry = WithoutDrift(run->odometry, found.drift->rad_m);
+  return true;
 }
 
 // Images alone know a run's shape as well as its lens: what another lens would make of it is part of the covariances.
@@ -107,6 +121,27 @@ void HeedLenses(const LocalizeInput& input, RunReconstruction* run, StageContext
   }
   run->reconstruction.problem.pose_shifts =
       PoseShiftsByLenses(input, run->reconstruction, context.threads, context.cancel);
+}
+
+// Refuses cameras that stand elsewhere on the body than their calibration says.
+void RequireArms(const Run& run, const LocalizeInput& input, const Reconstruction& reconstruction,
+                 StageContext& context) {
+  const bool stated =
+      std::any_of(input.cameras.begin(), input.cameras.end(), [](const BodyCamera& c) { return c.has_extrinsics; });
+  if (!input.has_odometry || !stated) return;
+  const auto error = FindArmError(reconstruction, input.scale_sigma, context.threads, context.cancel);
+  if (!error) return;
+  const Eigen::Vector3d& arm = error->arm_m;
+  const std::string text = fmt::format("{:+.2f}, {:+.2f}, {:+.2f} m (body axes; 1 sigma {:.2f} m)", arm.x(), arm.y(),
+                                       arm.z(), error->sigma_m);
+  context.progress.Log(LogLevel::kInfo,
+                       "place of the cameras on the body against T_cam_imu, by images and odometry: " + text);
+  if (!error->significant) return;
+  throw InputError(fmt::format(
+      "{}: by images and odometry the cameras stand some {:.1f} m from where T_cam_imu of the calibration puts them on "
+      "the body (x forward, y left, z up); expected their places to a few centimetres: measure them anew, and check of "
+      "which point of the body odometry.tum is. Option check_conventions=false skips this check",
+      (run.dir / "camchain.yaml").string(), arm.norm()));
 }
 
 // Refuses a calibration that the images contradict.
@@ -177,7 +212,8 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
   const Review& review = context.project.review();
   std::erase_if(run.images, [&](const ImageEntry& i) { return review.ExcludesImage(run.name, i.file, i.stamp_ns); });
   const auto check = [&](const LocalizeJob& job) {
-    if (options.check_conventions && job.input.has_odometry) RequireConventions(run, job.input, context);
+    return options.check_conventions && job.input.has_odometry &&
+           RequireConventions(job.input, options.reconstruct, &run, context);
   };
   // A lens that is a guess would be blamed on odometry: there the check waits for the lens.
   const bool calibrated = std::none_of(run.cameras.begin(), run.cameras.end(),
@@ -187,8 +223,11 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
   LocalizeJob job = calibrated || mode == "paper"
                         ? ReconstructOnce(options, mode, target, run, context, &result)
                         : ReconstructWithItsCameras(options, mode, target, run, context, &result);
-  if (!calibrated) check(job);
-  if (calibrated && options.check_conventions && mode != "paper") RequireCalibration(job.input, result, context);
+  if (!calibrated && check(job)) job = ReconstructWithItsCameras(options, mode, target, run, context, &result);
+  if (calibrated && options.check_conventions && mode != "paper") {
+    RequireCalibration(job.input, result, context);
+    RequireArms(run, job.input, result.reconstruction, context);
+  }
   if (!job.input.has_odometry) HeedLenses(job.input, &result, context);
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
   context.metrics.update(ReconstructionMetrics(job, result));
@@ -246,7 +285,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 14;
+    request.version = 15;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

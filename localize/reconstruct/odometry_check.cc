@@ -527,9 +527,9 @@ std::optional<std::string> FindWrongMount(const LocalizeInput& input, const std:
         "{}: {}: its T_cam_imu differs by {:.1f} deg (1 sigma {:.1f} deg) from the one that the motions of {} pairs of "
         "images show against odometry: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; "
         "expected the pose of the camera on the body (x forward, y left, z up). Odometry whose positions are turned "
-        "against its rotations shows the same, on a straight path odometry whose z is negated does, and on one of "
-        "constant curvature a wrong translation: calibrate the camera anew, or correct what is wrong. Option "
-        "check_conventions=false skips this check",
+        "against its rotations shows the same; on a straight path odometry whose z is negated does, and on one that "
+        "bends evenly a wrong translation or a calibration of another focal length or distortion: calibrate the camera "
+        "anew, or correct what is wrong. Option check_conventions=false skips this check",
         calibration, camera.name, deg.norm(), error->sigma_rad * kRadToDeg, error->motions, deg.x(), deg.y(), deg.z());
   }
   return std::nullopt;
@@ -596,13 +596,12 @@ std::vector<MeasuredMotion> MeasureSample(const LocalizeInput& input, const Odom
 
 }  // namespace
 
-std::optional<std::string> FindContradiction(const LocalizeInput& input, const Trajectory& whole,
-                                             const std::string& odometry, const OdometryCheckOptions& options,
-                                             int threads, uint64_t seed, ProgressSink& progress,
-                                             const CancelToken& cancel) {
+OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whole, const std::string& odometry,
+                              const OdometryCheckOptions& options, int threads, uint64_t seed, ProgressSink& progress,
+                              const CancelToken& cancel) {
   const int images = static_cast<int>(input.images.size());
   progress.Begin("odometry against images", 0);
-  if (auto still = FindStandstill(input, odometry, options)) return still;
+  if (auto still = FindStandstill(input, odometry, options)) return {still, {}};
   const std::vector<MeasuredMotion> motions = images <= options.pairs
                                                   ? MeasureNeighbours(input, options, threads, seed, cancel)
                                                   : MeasureSample(input, options, threads, seed, cancel);
@@ -618,23 +617,29 @@ std::optional<std::string> FindContradiction(const LocalizeInput& input, const T
       progress.Log(LogLevel::kInfo, fmt::format("odometry's clock against the images': {:+.2f} s (1 sigma {:.2f} s)",
                                                 -clock->offset_s, clock->sigma_s));
     }
-    if (clock && clock->significant) return OtherClock(*clock, odometry);
+    if (clock && clock->significant) return {OtherClock(*clock, odometry), {}};
   }
   // After the clock: on another clock a few steps differ most and look like a jump.
   const JumpGates gates(input.odom_from_body, motions);
   if (const auto place = FindBrokenPlace(input, motions, gates)) {
-    return Jump(input, odometry, place->first, place->second);
+    return {Jump(input, odometry, place->first, place->second), {}};
   }
+  const std::optional<OdometryDrift> drift = FindDrift(input.odom_from_body, motions, options.noise_rad);
+  if (drift) progress.Log(LogLevel::kInfo, "odometry against the images: " + DriftText(*drift));
+  const bool drifts = drift && drift->significant;
   const bool noisy = IsNoise(verdict, input.odom_from_body, motions);
   const bool contradicted = verdict.kind == ReadingVerdict::Kind::kContradicted;
-  if (contradicted && !noisy) return Contradiction(verdict, odometry);
+  if (contradicted && !noisy) {
+    return {Contradiction(verdict, odometry) + (drifts ? ". By these pairs " + DriftText(*drift) : ""), {}};
+  }
   progress.Log(contradicted ? LogLevel::kWarning : LogLevel::kInfo,
                (contradicted ? odometry : "odometry") + ": pairs of images agree with " + Counts(verdict.as_read) +
                    (contradicted ? "; its rotations are taken as noisy" : ""));
   const std::string calibration = (std::filesystem::path(odometry).parent_path() / "camchain.yaml").string();
-  if (auto wrong = FindWrongMount(input, motions, calibration, progress)) return wrong;
-  if (auto wrong = FindWrongStretch(input, motions, odometry, progress)) return wrong;
-  return FindJump(input, odometry, gates, options, threads, seed, cancel);
+  if (auto wrong = FindWrongMount(input, motions, calibration, progress)) return {wrong, {}};
+  if (auto wrong = FindWrongStretch(input, motions, odometry, progress)) return {wrong, {}};
+  return {FindJump(input, odometry, gates, options, threads, seed, cancel),
+          drifts ? drift : std::optional<OdometryDrift>()};
 }
 
 }  // namespace trigpoint

@@ -10,6 +10,7 @@
 #include "calib/geometry/pose_readings.h"
 #include "datasets/io/trajectory.h"
 #include "localize/reconstruct/frames.h"
+#include "localize/reconstruct/odometry_drift.h"
 
 namespace trigpoint {
 
@@ -21,6 +22,7 @@ struct OdometryCheckOptions {
   int least_matches = 40;     // verified matches of a pair
   double least_deg = 2;       // median motion of the matches between the two images of a pair
   double most_sigma_deg = 6;  // of a direction of translation that is compared
+  double noise_rad = 0;       // what the rotations' stated noise adds up to over the run, 1 sigma per axis; 0: unknown
 };
 
 // Motions between pairs of images spread over the run, from their matches alone. Deterministic for any `threads`.
@@ -28,13 +30,18 @@ std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std
                                            const OdometryCheckOptions& options, int threads, uint64_t seed,
                                            const CancelToken& cancel);
 
+// What images say of a run's odometry.
+struct OdometryFinding {
+  std::optional<std::string> contradiction;  // why it cannot be used
+  std::optional<OdometryDrift> drift;        // else: a significant one, without which it can
+};
+
 // Compares the readings of odometry with the images. Where most motions contradict it as read: a message that names the
 // reading which agrees, and what to do; where it turns as the images do at other times, a message that names the offset
 // of its clock. Nothing where it agrees, or where too few motions can be compared. `whole`: the odometry at all of its
 // own times, which the input has at the images' only. `odometry` names the file in messages.
-std::optional<std::string> FindContradiction(const LocalizeInput& input, const Trajectory& whole,
-                                             const std::string& odometry, const OdometryCheckOptions& options,
-                                             int threads, uint64_t seed, ProgressSink& progress,
-                                             const CancelToken& cancel);
+OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whole, const std::string& odometry,
+                              const OdometryCheckOptions& options, int threads, uint64_t seed, ProgressSink& progress,
+                              const CancelToken& cancel);
 
 }  // namespace trigpoint

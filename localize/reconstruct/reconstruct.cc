@@ -30,17 +30,29 @@ Vector6d OdometryResidual(const BundleProblem& p, const PoseFactor& f) {
   return predicted.Minus(measured);
 }
 
+// Of squared residuals, without the largest 2 %: an outlier is no noise.
+double TrimmedMean(std::vector<double> v) {
+  if (v.empty()) return 1.0;
+  std::sort(v.begin(), v.end());
+  const size_t keep = std::max<size_t>(1, v.size() * 98 / 100);
+  double sum = 0;
+  for (size_t i = 0; i < keep; ++i) sum += v[i];
+  // The mean of the lower 98 % of a chi-square with 1 dof is 0.884 of the whole's.
+  return sum / static_cast<double>(keep) / (keep < v.size() ? 0.884 : 1.0);
+}
+
 // Expectation-maximisation step for the odometry's noise: sigma^2 = mean(r^2 + posterior variance of r), a factor on
 // each of the six axes of the body (a robot's yaw is far noisier than its tilt, forward noisier than sideways). r^2 is
 // taken from the differences of successive residuals: what they have in common over a stretch is the slow drift of
-// scale and direction that images alone accumulate; it is no noise of odometry.
+// scale and direction that images alone accumulate; it is no noise of odometry. Where poses are noisy instead of steps,
+// successive residuals have opposite signs and differ by more: there the residuals themselves are taken.
 Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToken& cancel) {
   std::vector<int> next(p.poses.size(), -1);
   for (const PoseFactor& f : p.factors) next[static_cast<size_t>(f.a)] = f.b;
   std::vector<Matrix6d> diagonal, with_next;
   BundleCovariance(p, threads, cancel).PoseBlocks(next, &diagonal, &with_next);
-  // Squares of all components, normalised; the largest 2 % are left out below (an outlier of odometry is not noise).
-  std::array<std::vector<double>, 6> squares;
+  // Squares of all components, normalised.
+  std::array<std::vector<double>, 6> of_differences, of_residuals;
   Vector6d last = Vector6d::Zero();
   for (const PoseFactor& f : p.factors) {
     const size_t a = static_cast<size_t>(f.a), b = static_cast<size_t>(f.b);
@@ -52,24 +64,21 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
     const Vector6d e = OdometryResidual(p, f);
     const Vector6d normalised = f.sqrt_info.diagonal().cwiseProduct(e);
     for (int i = 0; i < 6 && &f != &p.factors.front(); ++i) {
-      const double w = f.sqrt_info(i, i);
-      squares[static_cast<size_t>(i)].push_back(0.5 * std::pow(normalised(i) - last(i), 2) +
-                                                w * w * std::max(0.0, posterior(i, i)));
+      const double known = std::pow(f.sqrt_info(i, i), 2) * std::max(0.0, posterior(i, i));
+      of_differences[static_cast<size_t>(i)].push_back(0.5 * std::pow(normalised(i) - last(i), 2) + known);
+      of_residuals[static_cast<size_t>(i)].push_back(std::pow(normalised(i), 2) + known);
     }
     last = normalised;
   }
-  const auto trimmed_mean = [](std::vector<double>& v) {
-    if (v.empty()) return 1.0;
-    std::sort(v.begin(), v.end());
-    const size_t keep = std::max<size_t>(1, v.size() * 98 / 100);
-    double sum = 0;
-    for (size_t i = 0; i < keep; ++i) sum += v[i];
-    // The mean of the lower 98 % of a chi-square with 1 dof is 0.884 of the whole's.
-    return sum / static_cast<double>(keep) / (keep < v.size() ? 0.884 : 1.0);
-  };
-  Vector6d factor;
-  for (int i = 0; i < 6; ++i) factor(i) = std::sqrt(trimmed_mean(squares[static_cast<size_t>(i)]));
-  return factor;
+  Vector6d by_differences, by_residuals;
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    by_differences(i) = TrimmedMean(std::move(of_differences[static_cast<size_t>(i)]));
+    by_residuals(i) = TrimmedMean(std::move(of_residuals[static_cast<size_t>(i)]));
+  }
+  // Two standard deviations of a mean of squares.
+  const double chance = 2 * std::sqrt(2.0 / (6.0 * static_cast<double>(p.factors.size())));
+  const bool noisy_poses = by_residuals.cwiseQuotient(by_differences).mean() < 1 - chance;
+  return (noisy_poses ? by_residuals : by_differences).cwiseSqrt();
 }
 
 // How far the way along the run strays from odometry's over long stretches, beyond what its noise from step to step
@@ -418,6 +427,12 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
   }
   if (!input.has_odometry) factors.push_back(LengthFactor(input));
   return factors;
+}
+
+double RotationNoise(const std::vector<PoseFactor>& odometry) {
+  double variance = 0;
+  for (const PoseFactor& f : odometry) variance += f.sqrt_info.topLeftCorner<3, 3>().inverse().squaredNorm() / 3;
+  return std::sqrt(variance);
 }
 
 namespace {

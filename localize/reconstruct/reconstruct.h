@@ -75,6 +75,9 @@ struct Reconstruction {
 std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const ReconstructOptions& options,
                                         const Vector6d& noise_factor);
 
+// What the noise of these adds up to in rotation over the whole run, rad, 1 sigma per axis.
+double RotationNoise(const std::vector<PoseFactor>& odometry);
+
 // Where a reconstruction starts.
 struct ReconstructStart {
   std::vector<Rigid3d> odom_from_body;  // first guess of the poses; the gauge is the first one, held there

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 #include <algorithm>
@@ -349,6 +350,68 @@ void CheckAxes(const SurveyRun& run, const std::map<int, std::vector<CentreSight
                          run.name, 100 * errors[0], 100 * errors[best], readings[best].what)});
 }
 
+// A way to read surveyed points which fits the pictures to less than `least`, m; `as_is`: the fit as they stand.
+std::optional<ConventionFinding> FindPointReading(const std::vector<Eigen::Vector3d>& map,
+                                                  const std::vector<Eigen::Vector3d>& stated, double as_is,
+                                                  double least) {
+  struct Reading {
+    const char* what;
+    std::function<Eigen::Vector3d(const Eigen::Vector3d&)> mend;
+  };
+  const std::vector<Reading> readings = {
+      {"easting and northing are swapped",
+       [](const Eigen::Vector3d& p) { return Eigen::Vector3d(p.y(), p.x(), p.z()); }},
+      {"heights count downwards", [](const Eigen::Vector3d& p) { return Eigen::Vector3d(p.x(), p.y(), -p.z()); }},
+      {"heights are in feet, not metres",
+       [](const Eigen::Vector3d& p) { return Eigen::Vector3d(p.x(), p.y(), kFoot * p.z()); }},
+  };
+  for (const Reading& reading : readings) {
+    std::vector<Eigen::Vector3d> mended;
+    for (const Eigen::Vector3d& p : stated) mended.push_back(reading.mend(p));
+    const double rms = FitRms(map, mended, AlignmentKind::kSE3);
+    // Three points fit a mirrored map as well as the true one: their plane hides it.
+    if (rms < least) {
+      return ConventionFinding{true,
+                               fmt::format("control_points.csv: the surveyed points fit the pictures only to {:.2f} m "
+                                           "as they stand, but to {:.2f} m if {}: correct the table",
+                                           as_is, rms, reading.what)};
+    }
+  }
+  return std::nullopt;
+}
+
+// How far points spread across their longest extent, rms.
+double Breadth(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) mean += p / static_cast<double>(points.size());
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& p : points) {
+    spread += (p - mean) * (p - mean).transpose() / static_cast<double>(points.size());
+  }
+  return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvalues()(1)));
+}
+
+// Points in one plane fit their mirror image as well, with the site on its head: then bodies point downwards.
+void CheckHead(const MapStart& start, const std::vector<Eigen::Vector3d>& map,
+               const std::vector<Eigen::Vector3d>& stated, double noise_m, std::vector<ConventionFinding>* findings) {
+  constexpr double kDown = -0.5;              // mean z of the bodies' z axes
+  if (Breadth(stated) < 3 * noise_m) return;  // points in a line leave the turn about it open
+  const Eigen::Quaterniond turn = AlignPoints(map, stated, AlignmentKind::kSE3).rotation;
+  double up = 0;
+  int bodies = 0;
+  for (const MapFrame& frame : start.frames) {
+    if (!frame.world_from_body || !frame.odom_from_body) continue;
+    up += (turn * (frame.world_from_body->rotation * Eigen::Vector3d::UnitZ())).z();
+    ++bodies;
+  }
+  if (bodies < kLeastSteps || up / bodies > kDown) return;
+  findings->push_back(
+      {true,
+       "control_points.csv: the surveyed points fit the pictures only with the site on its head: the body's z axis "
+       "points down in the mean, expected up. The points are mirrored: latitude and longitude, or easting and "
+       "northing, are swapped, or one has the wrong sign: correct the table"});
+}
+
 }  // namespace
 
 std::vector<ConventionFinding> CheckSights(const SurveyInput& input, const MapStart& start) {
@@ -388,7 +451,8 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
   }
   if (map.size() < 3) return findings;
   const double extent = (high - low).norm(), as_is = FitRms(map, stated, AlignmentKind::kSE3);
-  const double near = 0.3 + 0.05 * extent;  // odometry drifts by a few percent
+  constexpr double kLeastNoise_m = 0.3;
+  const double near = kLeastNoise_m + 0.05 * extent;  // odometry drifts by a few percent
   double factor = 1;
   const double scaled = FitRms(map, stated, AlignmentKind::kSim3, &factor);
   const double without_worst = FitRmsWithoutWorst(map, stated);
@@ -401,29 +465,12 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
                            factor, as_is, scaled, unit.empty() ? "" : ", found what may be " + unit)});
     return findings;
   }
-  if (as_is < near) return findings;
-  struct Reading {
-    const char* what;
-    std::function<Eigen::Vector3d(const Eigen::Vector3d&)> mend;
-  };
-  const std::vector<Reading> readings = {
-      {"easting and northing are swapped",
-       [](const Eigen::Vector3d& p) { return Eigen::Vector3d(p.y(), p.x(), p.z()); }},
-      {"heights count downwards", [](const Eigen::Vector3d& p) { return Eigen::Vector3d(p.x(), p.y(), -p.z()); }},
-      {"heights are in feet, not metres",
-       [](const Eigen::Vector3d& p) { return Eigen::Vector3d(p.x(), p.y(), kFoot * p.z()); }},
-  };
-  for (const Reading& reading : readings) {
-    std::vector<Eigen::Vector3d> mended;
-    for (const Eigen::Vector3d& p : stated) mended.push_back(reading.mend(p));
-    const double rms = FitRms(map, mended, AlignmentKind::kSE3);
-    // Three points fit a mirrored map as well as the true one: their plane hides it.
-    if (rms < 0.2 * as_is && rms < near && rms < without_worst) {
-      findings.push_back({true, fmt::format("control_points.csv: the surveyed points fit the pictures only to {:.2f} m "
-                                            "as they stand, but to {:.2f} m if {}: correct the table",
-                                            as_is, rms, reading.what)});
-      return findings;
-    }
+  if (as_is < near) {
+    CheckHead(start, map, stated, std::max(kLeastNoise_m, as_is), &findings);
+    return findings;
+  }
+  if (const auto other = FindPointReading(map, stated, as_is, std::min({0.2 * as_is, near, without_worst}))) {
+    return {*other};
   }
   findings.push_back(
       {false, fmt::format("control_points.csv: the surveyed points fit the starting map only to {:.2f} m "

@@ -155,6 +155,38 @@ TEST_F(Reconstructed, IsSharedByVariantsThatDoNotConcernIt) {
   EXPECT_EQ(ends.count("reconstruct/run2@strict"), 0u);
 }
 
+// With many points the geotag is wrong; with few nobody knows which of the two is.
+TEST_F(Reconstructed, AWeakAnswerThatItsGeotagContradictsIsRefused) {
+  fs::copy("datasets/parking_lot/runs/run1", folder_ / "runs/run1", fs::copy_options::recursive);  // sees four places
+  fs::remove_all(folder_ / "runs/run2");
+  const std::string table = folder_.Read("panoramas.csv");
+  const size_t at = table.find("7.83238765");  // S110; 0.001 deg are 74 m
+  ASSERT_NE(at, std::string::npos);
+  folder_.Write("panoramas.csv", table.substr(0, at) + "7.83338765" + table.substr(at + 10));
+  Configure("variants:\n  weak: {localize: {registration: {min_contradicted_inliers: 10000}}}\n");
+  Stages({"localize"});
+  Stages({"localize", "--variant", "weak"});
+  const auto read = [&](const std::string& result) {
+    return CsvTable::Read(folder_ / ("results/localize/" + result + "/panoramas.csv"), {"panorama", "status"});
+  };
+  const CsvTable plain = read("run1"), weak = read("run1@weak");
+  ASSERT_EQ(plain.rows().size(), weak.rows().size());
+  int contradicted = 0;
+  for (size_t i = 0; i < plain.rows().size(); ++i) {
+    const CsvRow &was = plain.rows()[i], &is = weak.rows()[i];
+    SCOPED_TRACE(was.Text("panorama"));
+    if (was.Text("geotag_status") != "outlier") {
+      EXPECT_EQ(is.Text("status"), was.Text("status"));
+      continue;
+    }
+    ++contradicted;
+    EXPECT_EQ(was.Text("status"), "localized");
+    EXPECT_EQ(is.Text("status"), "rejected");
+    EXPECT_THAT(is.Text("reason"), HasSubstr("m from its geotag, 10000 needed where the two disagree"));
+  }
+  EXPECT_EQ(contradicted, 1);
+}
+
 // world_from_cam positions of cameras.tum, m.
 std::vector<Eigen::Vector3d> Positions(const fs::path& file) {
   std::vector<Eigen::Vector3d> positions;

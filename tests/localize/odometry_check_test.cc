@@ -5,6 +5,7 @@
 
 #include "localize/reconstruct/camera_mount.h"
 #include "localize/reconstruct/odometry_clock.h"
+#include "localize/reconstruct/odometry_drift.h"
 #include "localize/reconstruct/odometry_stretch.h"
 #include "tests/localize/test_drive.h"
 
@@ -21,7 +22,7 @@ std::string ContradictionOf(Drive& drive) {
   for (size_t k = 0; k < drive.input.odom_from_body.size(); ++k) {
     whole.poses.push_back({drive.input.pose_stamps[k], drive.input.odom_from_body[k]});
   }
-  return FindContradiction(drive.input, whole, "odometry.tum", {}, 2, 1, progress, {}).value_or("");
+  return CheckOdometry(drive.input, whole, "odometry.tum", {}, 2, 1, progress, {}).contradiction.value_or("");
 }
 
 // The message for a drive whose odometry is written in another way.
@@ -249,6 +250,45 @@ TEST(OdometryMount, PositionsTurnedAgainstRotationsShowInFewMotions) {
     EXPECT_NEAR(error->rotation.y() * kRadToDeg, -(turned_deg + 2), 4 * error->sigma_rad * kRadToDeg)
         << error->rotation.transpose() * kRadToDeg;
   }
+}
+
+// Errors in sigmas of many draws: their mean square is 1 where the sigma is right.
+TEST(OdometryDrift, IsFoundAndTakenOut) {
+  const Eigen::Vector3d drift_rad_m(0, 0, 0.3 * kDegToRad);
+  double squares = 0;
+  constexpr int kDraws = 40;
+  for (uint64_t seed = 1; seed <= kDraws; ++seed) {
+    auto [path, motions] = Directions(3, 1, 0, seed);
+    Random random(seed);
+    for (MeasuredMotion& m : motions) {
+      const Rigid3d mounted = m.sensor_from_body;
+      m.b_from_a =
+          mounted * path[static_cast<size_t>(m.b)].Inverse() * path[static_cast<size_t>(m.a)] * mounted.Inverse();
+      m.b_from_a.rotation =
+          ExpSO3(0.2 * kDegToRad * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal())) *
+          m.b_from_a.rotation;
+      m.sigma_rotation_rad = 0.2 * kDegToRad;
+    }
+    Trajectory right, odometry;
+    for (const Rigid3d& pose : path) right.poses.push_back({static_cast<int64_t>(right.poses.size()), pose});
+    odometry = WithoutDrift(right, -drift_rad_m);
+    std::vector<Rigid3d> drifting;
+    for (const TimedPose& pose : odometry.poses) drifting.push_back(pose.target_from_body);
+    const auto none = FindDrift(path, motions, 0.01);
+    ASSERT_TRUE(none);
+    EXPECT_FALSE(none->significant) << none->rad_m.transpose();
+    const auto found = FindDrift(drifting, motions, 0.01);
+    ASSERT_TRUE(found);
+    EXPECT_TRUE(found->significant);
+    EXPECT_FALSE(FindDrift(drifting, motions, 0.5)->significant);  // noise explains it
+    squares += (found->rad_m - drift_rad_m).cwiseQuotient(found->sigma_rad_m).squaredNorm() / (3 * kDraws);
+    const Trajectory mended = WithoutDrift(odometry, drift_rad_m);
+    for (size_t k = 0; k < path.size(); ++k) {
+      EXPECT_LT((mended.poses[k].target_from_body.Inverse() * path[k]).translation.norm(), 1e-9);
+    }
+  }
+  EXPECT_GT(squares, 0.3);
+  EXPECT_LT(squares, 1.5);
 }
 
 TEST(OdometryStretch, IsFoundFromDirections) {

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "calib/estimation/random.h"
+#include "localize/reconstruct/camera_arm.h"
 
 namespace trigpoint {
 namespace {
@@ -19,7 +20,8 @@ struct Street {
 };
 
 // 120 frames, 0.8 m apart; points on both sides and on the ground. `k1`: distortion of the camera that nobody knows of.
-Street MakeStreet(double k1, uint64_t seed) {
+// `winding`: of the way, to both sides, m.
+Street MakeStreet(double k1, uint64_t seed, double winding = 0) {
   Street street;
   Random random(seed);
   constexpr int kFrames = 120;
@@ -34,11 +36,14 @@ Street MakeStreet(double k1, uint64_t seed) {
   street.input.cameras = {camera};
   Rigid3d odom;
   for (int i = 0; i < kFrames; ++i) {
-    const Rigid3d body(Eigen::Quaterniond::Identity(), {kStep * i, 0, 0});
+    const double phase = kStep * i / 5, heading = std::atan(winding / 5 * std::sin(phase));
+    const Rigid3d body(ExpSO3({0, 0, heading}), {kStep * i, winding * (1 - std::cos(phase)), 0});
+    if (i == 0) odom = body;
     if (i > 0) {
       const Eigen::Vector3d noise(random.Normal(), random.Normal(), random.Normal());
       const Eigen::Vector3d turn(random.Normal(), random.Normal(), random.Normal());
-      odom = odom * Rigid3d(ExpSO3(0.0005 * turn), Eigen::Vector3d(kStep, 0, 0) + 0.012 * noise);
+      const Rigid3d step = street.odom_from_body.back().Inverse() * body;
+      odom = odom * Rigid3d(step.rotation * ExpSO3(0.0005 * turn), step.translation + 0.012 * noise);
     }
     street.odom_from_body.push_back(body);
     street.input.odom_from_body.push_back(odom);
@@ -80,11 +85,11 @@ double WayError(const std::vector<Rigid3d>& odom_from_body) {
   return std::sqrt(sum / static_cast<double>(ways.size()));
 }
 
-Reconstruction Solve(const Street& street) {
+Reconstruction Solve(const Street& street, const OdometryNoise& noise = {}) {
   ProgressSink progress;
   const CancelToken cancel;
-  return Reconstruct(street.input, {street.input.odom_from_body}, street.tracks.tracks, street.tracks.observations,
-                     ReconstructOptions(), false, 2, progress, cancel);
+  return Reconstruct(street.input, {street.input.odom_from_body, noise}, street.tracks.tracks,
+                     street.tracks.observations, ReconstructOptions(), false, 2, progress, cancel);
 }
 
 std::vector<Rigid3d> Bodies(const Reconstruction& r) {
@@ -190,6 +195,37 @@ TEST(Reconstruct, TracksThatWrongMatchesJoinedAreSplit) {
   const Reconstruction r = Solve(street);
   EXPECT_NEAR(r.sigma_px, 0.3, 0.05);
   EXPECT_LT(WayError(Bodies(r)), 0.8 * WayError(street.input.odom_from_body));
+}
+
+// Noise of poses differs from step to step by more than noise of steps does; images do not contradict it for that.
+TEST(Reconstruct, OdometryWhosePosesAreNoisyIsNotContradicted) {
+  Street street = MakeStreet(0, 5, 1);
+  Random random(7);
+  constexpr double kTurn_rad = 0.02, kShift_m = 0.1;
+  for (Rigid3d& pose : street.input.odom_from_body) {
+    const Eigen::Vector3d turn(random.Normal(), random.Normal(), random.Normal());
+    const Eigen::Vector3d shift(random.Normal(), random.Normal(), random.Normal());
+    pose = pose * Rigid3d(ExpSO3(kTurn_rad * turn), kShift_m * shift);
+  }
+  // As pairs of images find it: of a step, against 0.26 deg and 0.017 m as stated.
+  const Reconstruction r = Solve(street, {std::sqrt(2) * kTurn_rad / 0.0046, std::sqrt(2) * kShift_m / 0.0168});
+  EXPECT_NEAR(r.sigma_px, 0.3, 0.03);
+  EXPECT_LT(r.correlation_inflation, 1.5);
+}
+
+TEST(Reconstruct, CamerasThatStandElsewhereOnTheBodyAreFound) {
+  for (const double off_m : {0.0, 0.3, -0.3}) {
+    SCOPED_TRACE(off_m);
+    Street street = MakeStreet(0, 5, 3);
+    BodyCamera& camera = street.input.cameras.front();
+    const Eigen::Vector3d stated(off_m, 0.5 * off_m, 0);  // they stand at the body's origin
+    camera.cam_from_body.translation = -(camera.cam_from_body.rotation * stated);
+    const auto error = FindArmError(Solve(street), 0.01, 2, {});
+    ASSERT_TRUE(error);
+    EXPECT_EQ(error->significant, off_m != 0) << error->arm_m.transpose() << " sigma " << error->sigma_m;
+    if (off_m == 0) continue;
+    EXPECT_LT(error->arm_m.x() * off_m, 0) << error->arm_m.transpose();
+  }
 }
 
 }  // namespace

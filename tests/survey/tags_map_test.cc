@@ -793,13 +793,20 @@ TEST(TagMap, OtherConventionsAreRefused) {
     pose.target_from_body.rotation = Eigen::Quaterniond(q.z(), q.w(), q.x(), q.y());
   }
   EXPECT_THROW(Survey(quaternions.input), InputError);
-  Yard swapped = MakeYard(13, 1.6);  // points in one plane fit their mirror image, too
-  for (const int t : {1, 2, 4, 7}) {
-    swapped.input.points.push_back(swapped.input.points[0]);
-    swapped.input.points.back().name = "P" + std::to_string(t);
-    swapped.input.points.back().tag_id = t;
-    swapped.input.points.back().world_m = swapped.tags[static_cast<size_t>(t)].translation;
-  }
+  const auto with_points = [](Yard yard) {
+    for (const int t : {1, 2, 4, 7}) {
+      yard.input.points.push_back(yard.input.points[0]);
+      yard.input.points.back().name = "P" + std::to_string(t);
+      yard.input.points.back().tag_id = t;
+      yard.input.points.back().world_m = yard.tags[static_cast<size_t>(t)].translation;
+    }
+    return yard;
+  };
+  Yard level = with_points(MakeYard(13));  // points in one plane fit their mirror image, too
+  EXPECT_EQ(RefusalOf(level), "");
+  for (SurveyPoint& p : level.input.points) p.world_m.x() *= -1;
+  EXPECT_NE(RefusalOf(level).find("the site on its head"), std::string::npos) << RefusalOf(level);
+  Yard swapped = with_points(MakeYard(13, 1.6));
   EXPECT_EQ(RefusalOf(swapped), "");
   for (SurveyPoint& p : swapped.input.points) std::swap(p.world_m.x(), p.world_m.y());
   EXPECT_NE(RefusalOf(swapped).find("easting and northing are swapped"), std::string::npos) << RefusalOf(swapped);

@@ -1,0 +1,105 @@
+#include "localize/reconstruct/odometry_drift.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/estimation/huber_by_median.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/so3.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr int kLeastMotions = 8;
+constexpr int kIterations = 10;
+constexpr double kLeast_rad = 0.1 * kDegToRad;  // 1 sigma of a rotation between two images: what their lens adds
+
+// By what odometry turns more than two images show, body axes, in sigmas, and over how many metres.
+struct Turn {
+  Eigen::Vector3d off;
+  double length = 0;
+};
+
+std::vector<double> Travelled(const std::vector<Rigid3d>& poses) {
+  std::vector<double> travelled(poses.size(), 0);
+  for (size_t k = 1; k < poses.size(); ++k) {
+    travelled[k] = travelled[k - 1] + (poses[k].translation - poses[k - 1].translation).norm();
+  }
+  return travelled;
+}
+
+std::vector<Turn> TurnsOf(const std::vector<Rigid3d>& poses, const std::vector<double>& travelled,
+                          const std::vector<MeasuredMotion>& motions) {
+  std::vector<Turn> turns;
+  for (const MeasuredMotion& m : motions) {
+    const auto a = static_cast<size_t>(m.a), b = static_cast<size_t>(m.b);
+    const Eigen::Quaterniond body_from_sensor = m.sensor_from_body.rotation.conjugate();
+    const Eigen::Quaterniond by_odometry = poses[a].rotation.conjugate() * poses[b].rotation;  // a_from_b
+    const Eigen::Quaterniond by_images =
+        body_from_sensor * m.b_from_a.rotation.conjugate() * m.sensor_from_body.rotation;
+    const double sigma = std::hypot(kLeast_rad, m.sigma_rotation_rad);
+    turns.push_back({LogSO3(by_images.conjugate() * by_odometry) / sigma, (travelled[b] - travelled[a]) / sigma});
+  }
+  return turns;
+}
+
+}  // namespace
+
+std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_body,
+                                       const std::vector<MeasuredMotion>& motions, double noise_rad) {
+  constexpr double kSigmas = 4;
+  const int independent = IndependentMotions(motions);
+  if (independent < kLeastMotions) return std::nullopt;
+  const std::vector<double> travelled = Travelled(odom_from_body);
+  const std::vector<Turn> turns = TurnsOf(odom_from_body, travelled, motions);
+  OdometryDrift drift;
+  drift.length_m = travelled.back();
+  drift.noise_rad = noise_rad;
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    HuberByMedian huber;
+    double normal = 0;
+    for (int k = 0; k < kIterations; ++k) {
+      double right = 0;
+      normal = 0;
+      for (const Turn& turn : turns) {
+        const double weight = huber.Weight(std::abs(turn.off(axis) - drift.rad_m(axis) * turn.length));
+        normal += weight * turn.length * turn.length;
+        right += weight * turn.length * turn.off(axis);
+      }
+      huber.EndRound();
+      if (!(normal > 0)) return std::nullopt;
+      drift.rad_m(axis) = right / normal;
+    }
+    drift.sigma_rad_m(axis) = huber.noise() * std::sqrt(static_cast<double>(turns.size()) / independent / normal);
+    const double total = drift.rad_m(axis) * drift.length_m, chance = drift.sigma_rad_m(axis) * drift.length_m;
+    drift.significant |= noise_rad > 0 && std::abs(total) > kSigmas * std::hypot(noise_rad, chance);
+  }
+  return drift;
+}
+
+std::string DriftText(const OdometryDrift& drift) {
+  constexpr const char* kAxes[] = {"roll", "pitch", "heading"};  // about body x (forward), y (left), z (up)
+  Eigen::Index axis = 0;
+  drift.rad_m.cwiseAbs().maxCoeff(&axis);
+  return fmt::format(
+      "its {} drifts by {:+.3f} deg a metre (1 sigma {:.3f} deg; about the body's x forward, y left, z up), that is "
+      "{:.1f} "
+      "deg over the run's {:.0f} m, where its stated noise adds up to {:.1f} deg (1 sigma)",
+      kAxes[axis], drift.rad_m(axis) * kRadToDeg, drift.sigma_rad_m(axis) * kRadToDeg,
+      drift.rad_m(axis) * drift.length_m * kRadToDeg, drift.length_m, drift.noise_rad * kRadToDeg);
+}
+
+Trajectory WithoutDrift(const Trajectory& odometry, const Eigen::Vector3d& rad_m) {
+  Trajectory result = odometry;
+  for (size_t k = 1; k < odometry.poses.size(); ++k) {
+    Rigid3d step = odometry.poses[k - 1].target_from_body.Inverse() * odometry.poses[k].target_from_body;
+    step.rotation = step.rotation * ExpSO3(-step.translation.norm() * rad_m);
+    result.poses[k].target_from_body = result.poses[k - 1].target_from_body * step;
+    result.poses[k].target_from_body.rotation.normalize();
+  }
+  return result;
+}
+
+}  // namespace trigpoint

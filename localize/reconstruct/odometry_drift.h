@@ -1,0 +1,33 @@
+// Does a run's odometry turn more to one side than its images, evenly along its path?
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/geometry/pose_readings.h"
+#include "datasets/io/trajectory.h"
+
+namespace trigpoint {
+
+struct OdometryDrift {
+  Eigen::Vector3d rad_m = Eigen::Vector3d::Zero();        // rotation vector a metre travelled, body axes
+  Eigen::Vector3d sigma_rad_m = Eigen::Vector3d::Zero();  // 1 sigma, each axis
+  double length_m = 0;                                    // of the path
+  double noise_rad = 0;      // what odometry's stated noise adds up to over it, 1 sigma per axis
+  bool significant = false;  // neither that noise nor chance makes it likely
+};
+
+// The rotation a metre by which odometry turns more than images do. Least squares with Huber's weights; the noise is
+// found from the residuals. `noise_rad`: of odometry over the whole path, by its stated noise; 0: not stated, and no
+// drift is significant. Nothing where fewer than eight independent motions can be compared.
+std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_body,
+                                       const std::vector<MeasuredMotion>& motions, double noise_rad);
+
+// "its heading drifts by +0.34 deg a metre (1 sigma 0.01), ...": of the axis that drifts most.
+std::string DriftText(const OdometryDrift& drift);
+
+// Odometry whose steps are turned back by the drift; lengths of steps and the first pose stay.
+Trajectory WithoutDrift(const Trajectory& odometry, const Eigen::Vector3d& rad_m);
+
+}  // namespace trigpoint
