@@ -69,13 +69,33 @@ std::string FindImageMotion(const Run& run, const LocalizeJob& job, const Recons
       run.name, found.placed, job.input.pose_stamps.size(), found.pairs_verified, found.pairs_tried, unit);
 }
 
-void FollowReconstruction(const std::filesystem::path& dir, Run* run) {
+namespace {
+
+// Photos taken with a camera of the run take the lens that was found for it.
+void FollowLenses(const std::vector<BodyCamera>& calibrated, const Run& run, Site* site) {
+  const auto same = [](const Camera& a, const Camera& b) {
+    return a.model() == b.model() && a.width() == b.width() && a.height() == b.height() && a.params() == b.params();
+  };
+  for (Reference& photo : site->references) {
+    if (!photo.camera) continue;
+    for (size_t c = 0; c < calibrated.size(); ++c) {
+      if (!same(*photo.camera, calibrated[c].camera)) continue;
+      photo.camera = run.cameras[c].camera;
+      break;
+    }
+  }
+}
+
+}  // namespace
+
+void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site) {
   if (std::filesystem::exists(dir / kFoundCamerasFile)) {
-    const std::vector<BodyCamera> found = ReadCamchain(dir / kFoundCamerasFile);
+    const std::vector<BodyCamera> found = ReadCamchain(dir / kFoundCamerasFile), calibrated = run->cameras;
     for (size_t c = 0; c < run->cameras.size() && c < found.size(); ++c) {
       run->cameras[c].camera = found[c].camera;
       run->cameras[c].focal_sigma_share = 0;
     }
+    if (site != nullptr) FollowLenses(calibrated, *run, site);
   }
   if (!run->odometry.poses.empty()) return;
   run->odometry = ReadTrajectory(dir / kMotionFile);
@@ -90,22 +110,46 @@ void TakeCameras(const std::vector<SelfCalibration>& found, Run* run) {
   for (const SelfCalibration& s : found) run->cameras[static_cast<size_t>(s.camera)].camera = s.found;
 }
 
+namespace {
+
+// "cam0: f 725.3 +- 1.2 px (before 718.9), ...", 1 sigma.
+std::string LensText(const BodyCamera& camera, const SelfCalibration& s, double focal_before_px) {
+  const std::vector<double>& p = s.found.params();
+  return fmt::format(
+      "{}: f {:.1f} +- {:.1f} px (before {:.1f}), principal point {:.1f}, {:.1f} +- {:.1f} px, k1 {:.4f} +- {:.4f}, k2 "
+      "{:.4f} +- {:.4f}",
+      camera.name, s.found.MeanFocal(), s.sigma_focal_px, focal_before_px, p[2], p[3], s.sigma_centre_px, p[4],
+      s.sigma_k1, p[5], s.sigma_k2);
+}
+
+}  // namespace
+
 void WriteFoundCameras(const Run& run, const std::vector<SelfCalibration>& found, const std::filesystem::path& file,
                        ProgressSink& progress) {
   std::vector<std::string> comments = {"estimated from the run's images, which nobody calibrated; 1 sigma:"};
   for (const SelfCalibration& s : found) {
-    const std::vector<double>& p = s.found.params();
     const BodyCamera& camera = run.cameras[static_cast<size_t>(s.camera)];
-    comments.push_back(
-        fmt::format("{}: f {:.1f} +- {:.1f} px (initial value {:.1f}), principal point {:.1f}, {:.1f} +- {:.1f} px, k1 "
-                    "{:.4f} +- {:.4f}, k2 "
-                    "{:.4f} +- {:.4f}",
-                    camera.name, p[0], s.sigma_focal_px, camera.guessed_focal_px, p[2], p[3], s.sigma_centre_px, p[4],
-                    s.sigma_k1, p[5], s.sigma_k2));
+    comments.push_back(LensText(camera, s, camera.guessed_focal_px));
     progress.Log(LogLevel::kWarning, fmt::format("run {} is not calibrated; estimated from its images (1 sigma): {}",
                                                  run.name, comments.back()));
   }
   WriteCamchain(file, run.cameras, comments);
+}
+
+void WriteRevisedCameras(const Run& calibrated, const Run& revised, const std::vector<SelfCalibration>& found,
+                         const std::filesystem::path& file, ProgressSink& progress) {
+  std::vector<std::string> comments = {"estimated from the run's images about their calibration; 1 sigma:"};
+  for (const SelfCalibration& s : found) {
+    const BodyCamera& camera = calibrated.cameras[static_cast<size_t>(s.camera)];
+    comments.push_back(LensText(camera, s, camera.camera.MeanFocal()));
+    progress.Log(
+        LogLevel::kWarning,
+        fmt::format("run {}: its images contradict odometry, and agree with it better through another lens than "
+                    "the calibrated one, which is used instead (1 sigma): {}; calibrate the camera anew "
+                    "(trigpoint calibrate), and check odometry",
+                    calibrated.name, comments.back()));
+  }
+  WriteCamchain(file, revised.cameras, comments);
 }
 
 void ScaleReconstruction(double length, Reconstruction* r) {

@@ -24,14 +24,18 @@ std::string FindImageMotion(const Run& run, const LocalizeJob& job, const Recons
                             const CancelToken& cancel);
 
 // What the folder of a reconstruction says becomes the run's: its motion, where the run has no odometry (images
-// without a place in it leave the run), and the lenses found.
-void FollowReconstruction(const std::filesystem::path& dir, Run* run);
+// without a place in it leave the run), and the lenses found, which photos of `site` that were taken with these cameras
+// follow.
+void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site = nullptr);
 
 // The lenses found take the places of the run's guesses.
 void TakeCameras(const std::vector<SelfCalibration>& found, Run* run);
 // Writes the cameras of the run, of which some were found, and says so.
 void WriteFoundCameras(const Run& run, const std::vector<SelfCalibration>& found, const std::filesystem::path& file,
                        ProgressSink& progress);
+// The same of lenses that were calibrated, and that images and odometry contradict.
+void WriteRevisedCameras(const Run& calibrated, const Run& revised, const std::vector<SelfCalibration>& found,
+                         const std::filesystem::path& file, ProgressSink& progress);
 
 // The reconstruction `length` times as long; points that are too far away to count now are left out.
 void ScaleReconstruction(double length, Reconstruction* reconstruction);

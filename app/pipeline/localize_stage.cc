@@ -273,7 +273,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 20;
+    request.version = 21;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -301,7 +301,7 @@ StageInfo LocalizeStage() {
       std::erase_if(site.references, [&](const Reference& p) { return review.ExcludesPanorama(p.name); });
       if (options.mode == "paper") LeaveOutSets(&site, context.progress);
       const bool has_odometry = !r.odometry.poses.empty();
-      FollowReconstruction(ReconstructionManifest(context.project, "localize", target).parent_path(), &r);
+      FollowReconstruction(ReconstructionManifest(context.project, "localize", target).parent_path(), &r, &site);
       LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
                                         references, views, rigs);
       job.input.has_odometry = has_odometry;

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "calib/base/error.h"
-#include "localize/reconstruct/lens_bundle.h"
+#include "localize/reconstruct/lens_shift.h"
 
 namespace trigpoint {
 namespace {
@@ -14,14 +15,22 @@ constexpr int kPointsPerImage = 200;  // more hardly say more of three numbers
 constexpr double kSigmaK1 = 0.1, kSigmaK2 = 0.1;
 // 1 sigma of the principal point about the picture's centre, share of the long side.
 constexpr double kSigmaCentre = 0.01;
+constexpr double kSigmaRevised = 0.01;  // of each error of a calibration that images contradict; usual: 0.003
 constexpr double kSearchedSigma = 0.1;  // of a focal length that was searched in steps of 15 %
 
 constexpr int kLens = kLensParameters;
-using Lens = LensParameters;  // f (px), k1, k2, principal point (px)
+using Lens = LensParameters;  // f (px, the mean), k1, k2, principal point (px)
+
+// What of a camera is not estimated.
+struct FixedLens {
+  double f_x = 1, f_y = 1;  // shares of the mean focal length
+  double p1 = 0, p2 = 0;
+};
 
 // (predicted pixel - pixel) / sigma.
 struct PixelCost {
   Rigid3d cam_from_body;
+  FixedLens fixed;
   Eigen::Vector2d pixel;
   double inverse_sigma;
   template <typename T>
@@ -29,24 +38,39 @@ struct PixelCost {
     const Eigen::Matrix<T, 3, 1> in_cam = InCamera(cam_from_body, pose, point);
     if (in_cam.z() < T(1e-6)) return false;
     const Eigen::Matrix<T, 2, 1> x = in_cam.template head<2>() / in_cam.z();
-    const T r2 = x.squaredNorm();
-    const Eigen::Matrix<T, 2, 1> predicted =
-        lens[0] * (T(1) + r2 * (lens[1] + r2 * lens[2])) * x + Eigen::Matrix<T, 2, 1>(lens[3], lens[4]);
+    const T r2 = x.squaredNorm(), xy = T(2) * x.x() * x.y();
+    Eigen::Matrix<T, 2, 1> distorted = (T(1) + r2 * (lens[1] + r2 * lens[2])) * x;
+    distorted.x() += fixed.p1 * xy + fixed.p2 * (r2 + T(2) * x.x() * x.x());
+    distorted.y() += fixed.p2 * xy + fixed.p1 * (r2 + T(2) * x.y() * x.y());
+    const Eigen::Matrix<T, 2, 1> predicted(lens[0] * fixed.f_x * distorted.x() + lens[3],
+                                           lens[0] * fixed.f_y * distorted.y() + lens[4]);
     Eigen::Map<Eigen::Matrix<T, 2, 1>>{residual} = T(inverse_sigma) * (predicted - pixel.cast<T>());
     return true;
   }
 };
 
-Lens LensOf(const Camera& camera) {
-  const std::vector<double>& p = camera.params();
-  return {camera.MeanFocal(), p.size() > 4 ? p[4] : 0, p.size() > 5 ? p[5] : 0, p[2], p[3]};
+double Parameter(const Camera& camera, size_t k) { return camera.params().size() > k ? camera.params()[k] : 0; }
+
+// With the parameters of Lens and FixedLens alone.
+bool IsRadtan(const Camera& camera) {
+  const bool radtan = camera.model() == CameraModel::kPinhole || camera.model() == CameraModel::kRadtan;
+  return radtan && Parameter(camera, 8) == 0;  // k3
 }
 
-Camera WithLens(const Camera& camera, const Lens& lens) {
+Lens LensOf(const Camera& camera) {
+  return {camera.MeanFocal(), Parameter(camera, 4), Parameter(camera, 5), Parameter(camera, 2), Parameter(camera, 3)};
+}
+
+FixedLens FixedOf(const Camera& camera) {
+  const double f = camera.MeanFocal();
+  return {camera.params()[0] / f, camera.params()[1] / f, Parameter(camera, 6), Parameter(camera, 7)};
+}
+
+Camera WithLens(const Camera& camera, const Lens& lens, const FixedLens& fixed = {}) {
   return {CameraModel::kRadtan,
           camera.width(),
           camera.height(),
-          {lens[0], lens[0], lens[3], lens[4], lens[1], lens[2], 0, 0}};
+          {lens[0] * fixed.f_x, lens[0] * fixed.f_y, lens[3], lens[4], lens[1], lens[2], fixed.p1, fixed.p2}};
 }
 
 // Without distortion, its principal point in the picture's middle.
@@ -54,29 +78,45 @@ Camera WithFocal(const Camera& camera, double focal_px) {
   return WithLens(camera, {focal_px, 0, 0, 0.5 * (camera.width() - 1), 0.5 * (camera.height() - 1)});
 }
 
-// Nothing for what is no pixel of the camera.
-ceres::CostFunction* CostOf(const LocalizeInput& input, const Reconstruction& r, const BearingObservation& o) {
-  const BodyCamera& camera = input.cameras[static_cast<size_t>(o.view)];
-  const auto pixel = camera.camera.Project(o.ray.cast<double>());
-  if (!pixel) return nullptr;
-  auto* cost = new PixelCost{camera.cam_from_body, *pixel, 1 / (r.sigma_px * r.correlation_inflation)};
-  return new ceres::AutoDiffCostFunction<PixelCost, 2, 6, 3, kLens>(cost);
+// What is known of a lens that is free.
+struct LensPrior {
+  Lens value{}, sigma{};
+  FixedLens fixed;
+};
+using LensPriors = std::vector<std::optional<LensPrior>>;  // of each camera; none: it is held
+
+// Of a guess: 1 sigma of lenses that nobody calibrated.
+std::optional<LensPrior> GuessOf(const BodyCamera& camera) {
+  if (!(camera.focal_sigma_share > 0)) return std::nullopt;
+  const int width = camera.camera.width(), height = camera.camera.height();
+  const double centre = kSigmaCentre * std::max(width, height);
+  return LensPrior{{camera.guessed_focal_px, 0, 0, 0.5 * (width - 1), 0.5 * (height - 1)},
+                   {camera.focal_sigma_share * camera.guessed_focal_px, kSigmaK1, kSigmaK2, centre, centre},
+                   {}};
 }
 
-void AddLenses(const LocalizeInput& input, LensBundle* bundle) {
+// Of a calibration: each parameter may move the picture's corners by a share of half the diagonal.
+std::optional<LensPrior> CalibrationOf(const BodyCamera& camera) {
+  const Camera& c = camera.camera;
+  const bool whole = camera.part.kind == PicturePart::Kind::kAll;
+  if (!whole || !IsRadtan(c)) return std::nullopt;
+  const double f = c.MeanFocal(), corner = HalfDiagonal(c) / f, centre = kSigmaRevised * HalfDiagonal(c);
+  return LensPrior{
+      LensOf(c),
+      {kSigmaRevised * f, kSigmaRevised / std::pow(corner, 2), kSigmaRevised / std::pow(corner, 4), centre, centre},
+      FixedOf(c)};
+}
+
+void AddLenses(const LensPriors& priors, LensBundle* bundle) {
   for (size_t c = 0; c < bundle->lenses.size(); ++c) {
     if (!bundle->HasLens(c)) continue;
     double* const lens = bundle->lenses[c].data();
-    const BodyCamera& camera = input.cameras[c];
-    if (!(camera.focal_sigma_share > 0)) {
+    if (!priors[c]) {
       bundle->problem.SetParameterBlockConstant(lens);
       continue;
     }
-    const int width = camera.camera.width(), height = camera.camera.height();
-    const double centre = kSigmaCentre * std::max(width, height);
-    bundle->AddPrior(c, {camera.guessed_focal_px, 0, 0, 0.5 * (width - 1), 0.5 * (height - 1)},
-                     {camera.focal_sigma_share * camera.guessed_focal_px, kSigmaK1, kSigmaK2, centre, centre});
-    bundle->problem.SetParameterLowerBound(lens, 0, 0.2 * camera.guessed_focal_px);
+    bundle->AddPrior(c, priors[c]->value, priors[c]->sigma);
+    bundle->problem.SetParameterLowerBound(lens, 0, 0.2 * priors[c]->value[0]);
   }
 }
 
@@ -91,17 +131,22 @@ double LargestShift(const Camera& before, const Camera& after) {
   return largest;
 }
 
-}  // namespace
-
-std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Reconstruction& r) {
-  const auto guessed = [](const BodyCamera& c) { return c.focal_sigma_share > 0; };
-  if (std::none_of(input.cameras.begin(), input.cameras.end(), guessed)) return {};
+std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconstruction& r, const LensPriors& priors) {
   std::vector<Lens> lenses;
   for (const BodyCamera& c : input.cameras) lenses.push_back(LensOf(c.camera));
   LensBundle bundle(r, std::move(lenses));
-  bundle.AddImages(kPointsPerImage, [&](const BearingObservation& o) { return CostOf(input, r, o); });
+  // Nothing for what is no pixel of the camera, nor for lenses of another model.
+  bundle.AddImages(kPointsPerImage, [&](const BearingObservation& o) -> ceres::CostFunction* {
+    const BodyCamera& camera = input.cameras[static_cast<size_t>(o.view)];
+    const auto pixel = camera.camera.Project(o.ray.cast<double>());
+    if (!pixel || !IsRadtan(camera.camera)) return nullptr;
+    const auto& prior = priors[static_cast<size_t>(o.view)];
+    return new ceres::AutoDiffCostFunction<PixelCost, 2, 6, 3, kLens>(
+        new PixelCost{camera.cam_from_body, prior ? prior->fixed : FixedOf(camera.camera), *pixel,
+                      1 / (r.sigma_px * r.correlation_inflation)});
+  });
   bundle.AddMotion();
-  AddLenses(input, &bundle);
+  AddLenses(priors, &bundle);
   bundle.Solve(50);
 
   const Eigen::MatrixXd covariance = bundle.CovarianceOfLenses();
@@ -111,18 +156,43 @@ std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Rec
   std::vector<SelfCalibration> found;
   Eigen::Index at = 0;
   for (size_t c = 0; c < bundle.lenses.size(); ++c) {
-    if (!guessed(input.cameras[c]) || !bundle.HasLens(c)) continue;
+    if (!priors[c] || !bundle.HasLens(c)) continue;
     const Eigen::VectorXd sigma = covariance.diagonal().segment<kLens>(at).cwiseMax(0).cwiseSqrt();
     at += kLens;
     SelfCalibration s;
     s.camera = static_cast<int>(c);
-    s.found = WithLens(input.cameras[c].camera, bundle.lenses[c]);
+    s.found = WithLens(input.cameras[c].camera, bundle.lenses[c], priors[c]->fixed);
     s.sigma_focal_px = sigma(0), s.sigma_k1 = sigma(1), s.sigma_k2 = sigma(2);
     s.sigma_centre_px = sigma.tail<2>().maxCoeff();
+    for (size_t k = 0; k < kLens; ++k) {
+      const double off = std::abs(bundle.lenses[c][k] - priors[c]->value[k]);
+      s.sigmas = std::max(s.sigmas, off / std::max(1e-12, sigma(static_cast<Eigen::Index>(k))));
+    }
     s.shift_px = LargestShift(input.cameras[c].camera, s.found);
     found.push_back(s);
   }
   return found;
+}
+
+std::vector<SelfCalibration> CalibrateAnyOf(const LocalizeInput& input, const Reconstruction& r,
+                                            const LensPriors& priors) {
+  const bool any = std::any_of(priors.begin(), priors.end(), [](const auto& prior) { return prior.has_value(); });
+  return any ? Calibrate(input, r, priors) : std::vector<SelfCalibration>();
+}
+
+}  // namespace
+
+std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Reconstruction& r) {
+  LensPriors priors;
+  for (const BodyCamera& c : input.cameras) priors.push_back(GuessOf(c));
+  return CalibrateAnyOf(input, r, priors);
+}
+
+std::vector<SelfCalibration> ReviseLenses(const LocalizeInput& input, const Reconstruction& r,
+                                          const std::vector<BodyCamera>& calibrated) {
+  LensPriors priors;
+  for (const BodyCamera& c : calibrated) priors.push_back(CalibrationOf(c));
+  return CalibrateAnyOf(input, r, priors);
 }
 
 namespace {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
@@ -185,6 +186,26 @@ TEST_F(Reconstructed, AWeakAnswerThatItsGeotagContradictsIsRefused) {
     EXPECT_THAT(is.Text("reason"), HasSubstr("m from its geotag, 10000 needed where the two disagree"));
   }
   EXPECT_EQ(contradicted, 1);
+}
+
+// A focal length 2 % too long: what the images and odometry ask for is used, said, and kept for the stages that follow.
+TEST_F(Reconstructed, ACalibrationThatImagesContradictIsRevised) {
+  fs::copy("datasets/parking_lot/runs/run1", folder_ / "runs/run1", fs::copy_options::recursive);
+  fs::remove_all(folder_ / "runs/run2");
+  const double right = ReadCamchain(folder_ / "runs/run1/camchain.yaml").front().camera.MeanFocal();
+  std::string camchain = folder_.Read("runs/run1/camchain.yaml");
+  const std::string key = "intrinsics: [";
+  const size_t begin = camchain.find(key) + key.size(), end = camchain.find(", ", camchain.find(", ", begin) + 2);
+  camchain.replace(begin, end - begin, std::to_string(1.02 * right) + ", " + std::to_string(1.02 * right));
+  folder_.Write("runs/run1/camchain.yaml", camchain);
+  std::string warnings;
+  Stages({"localize"}, &warnings);
+  EXPECT_THAT(warnings, HasSubstr("through another lens than the calibrated one"));
+  const fs::path found = folder_ / "results/reconstruct/run1/camchain.yaml";
+  ASSERT_TRUE(fs::exists(found));
+  EXPECT_NEAR(ReadCamchain(found).front().camera.MeanFocal(), right, 0.01 * right);
+  EXPECT_NEAR(ReadSolution(folder_ / "results/localize/run1/solution.db").cameras.front().camera.MeanFocal(), right,
+              0.01 * right);
 }
 
 // world_from_cam positions of cameras.tum, m.

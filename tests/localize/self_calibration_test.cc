@@ -93,6 +93,47 @@ TEST(SelfCalibrate, LeavesCalibratedCamerasAlone) {
   EXPECT_TRUE(SelfCalibrate(scene.input, scene.reconstruction).empty());
 }
 
+// Of 503 px and 326 px, which are 500 px and 324 px.
+TEST(ReviseLenses, FindsWhatIsOffAboutACalibration) {
+  const Camera off(CameraModel::kRadtan, 640, 480, {503, 503, 326, 236, -0.1, 0.02, 0, 0});
+  for (const bool right : {true, false}) {
+    SCOPED_TRACE(right);
+    double chi2 = 0;
+    constexpr int kDraws = 10;
+    for (uint64_t seed = 1; seed <= kDraws; ++seed) {
+      Scene scene = MakeScene(seed, right ? TrueCamera() : off);
+      scene.input.cameras[0].focal_sigma_share = 0;
+      const auto found = ReviseLenses(scene.input, scene.reconstruction, scene.input.cameras);
+      ASSERT_EQ(found.size(), 1U);
+      const std::vector<double>& p = found[0].found.params();
+      EXPECT_NEAR(p[2], 324, 4 * found[0].sigma_centre_px);
+      chi2 += std::pow((p[0] - 500) / found[0].sigma_focal_px, 2);
+      EXPECT_EQ(found[0].sigmas < 4, right) << found[0].sigmas;
+    }
+    // 10 squares of unit normals: 3.2 to 20.5 in 95 % of all cases.
+    EXPECT_GT(chi2, 2);
+    EXPECT_LT(chi2, 25);
+  }
+}
+
+TEST(ReviseLenses, KeepsDecentringAndTheRatioOfFocalLengths) {
+  const Camera used(CameraModel::kRadtan, 640, 480, {500, 505, 324, 236, -0.1, 0.02, 0.001, -0.002});
+  Scene scene = MakeScene(1, used);
+  scene.input.cameras[0].focal_sigma_share = 0;
+  const auto found = ReviseLenses(scene.input, scene.reconstruction, scene.input.cameras);
+  ASSERT_EQ(found.size(), 1U);
+  const std::vector<double>& p = found[0].found.params();
+  EXPECT_NEAR(p[1] / p[0], 505. / 500, 1e-9);
+  EXPECT_EQ(p[6], 0.001);
+  EXPECT_EQ(p[7], -0.002);
+}
+
+TEST(ReviseLenses, LeavesOtherModelsAlone) {
+  Scene scene = MakeScene(1);
+  scene.input.cameras[0].camera = Camera(CameraModel::kKannalaBrandt, 640, 480, {300, 300, 320, 240, 0, 0, 0, 0});
+  EXPECT_TRUE(ReviseLenses(scene.input, scene.reconstruction, scene.input.cameras).empty());
+}
+
 TEST(CheckLenses, ACalibrationThatFitsIsNotContradicted) {
   for (uint64_t seed = 1; seed <= 5; ++seed) {
     const Scene scene = MakeScene(seed, TrueCamera());
