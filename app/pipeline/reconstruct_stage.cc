@@ -185,6 +185,10 @@ LocalizeJob ReconstructOnce(const ReconstructRunOptions& options, const std::str
 
 constexpr double kConvergedPx = 0.5;  // a lens has converged when it moves pixels by less
 
+bool HaveConverged(const std::vector<SelfCalibration>& lenses) {
+  return std::all_of(lenses.begin(), lenses.end(), [](const auto& s) { return s.shift_px < kConvergedPx; });
+}
+
 // Lenses that nobody calibrated are found from the reconstruction, which is then made again with them, until they stay.
 LocalizeJob ReconstructWithItsCameras(const ReconstructRunOptions& options, const std::string& mode,
                                       const StageTarget& target, Run run, StageContext& context,
@@ -197,7 +201,7 @@ LocalizeJob ReconstructWithItsCameras(const ReconstructRunOptions& options, cons
     LocalizeJob job = ReconstructOnce(options, mode, target, run, context, result);
     const std::vector<SelfCalibration> found = SelfCalibrate(job.input, result->reconstruction);
     if (found.empty()) return job;
-    const bool done = std::all_of(found.begin(), found.end(), [](const auto& s) { return s.shift_px < kConvergedPx; });
+    const bool done = HaveConverged(found);
     if (done || round == kRounds) {
       WriteFoundCameras(run, found, context.out / kFoundCamerasFile, context.progress);
       return job;
@@ -234,16 +238,16 @@ std::vector<SelfCalibration> OtherLenses(const LocalizeInput& input, const Recon
 }
 
 // Where the images contradict odometry by their lenses, these are estimated about their calibration, and the run is
-// reconstructed again with them, until they stay. Kept while less than half of the doubt remains.
+// reconstructed again with them, until they stay. Kept where less than half of the doubt remains.
 void HeedCalibration(const ReconstructRunOptions& options, const StageTarget& target, const Run& calibrated,
                      StageContext& context, LocalizeJob* job, RunReconstruction* result) {
   constexpr int kRounds = 4;
   std::vector<SelfCalibration> kept;
   Run run = calibrated;
   double doubt = DoubtOfLenses(job->input, result->reconstruction);
-  for (int round = 0; round < kRounds && doubt > 0; ++round) {
+  for (int round = 0; round < kRounds && (doubt > 0 || !kept.empty()); ++round) {
     const std::vector<SelfCalibration> found = OtherLenses(job->input, result->reconstruction, calibrated);
-    if (found.empty()) break;
+    if (HaveConverged(found)) break;
     TakeCameras(found, &run);
     Run asked = run;
     RequireConventions(MakeRunJob(asked, FeaturesOf(context.project, target)).input, options.reconstruct, &asked,
@@ -251,7 +255,7 @@ void HeedCalibration(const ReconstructRunOptions& options, const StageTarget& ta
     RunReconstruction other;
     LocalizeJob its = ReconstructOnce(options, "trigpoint", target, asked, context, &other);
     const double remains = DoubtOfLenses(its.input, other.reconstruction);
-    if (remains > 0.5 * doubt) break;
+    if (remains > (kept.empty() ? 0.5 : 1) * doubt) break;
     *job = std::move(its), *result = std::move(other), kept = found, doubt = remains;
   }
   if (kept.empty()) return;
