@@ -586,7 +586,7 @@ extrinsics("camera turned by 180 deg", lambda m: rotated(turn(1, 180)) @ m, CAME
 extrinsics("camera on its head", lambda m: rotated(turn(2, 180)) @ m, CAMERA)
 extrinsics("lever arm in millimetres", lambda m: m @ np.diag([1.0, 1, 1, 1]) + np.pad(999 * m[:3, 3:], ((0, 1), (3, 0))),
            CAMERA + "|lever|jump|metres", True)
-extrinsics("lever arm negated", lambda m: m - 2 * np.pad(m[:3, 3:], ((0, 1), (3, 0))), None)
+extrinsics("lever arm negated", lambda m: m - 2 * np.pad(m[:3, 3:], ((0, 1), (3, 0))), CAMERA)
 extrinsics("lever arm 3 m off", lambda m: m + np.pad(np.full((3, 1), 1.7), ((0, 1), (3, 0))), CAMERA)
 extrinsics("T_cam_imu left-handed", lambda m: rotated(MIRROR) @ m, r"T_cam_imu|rotation", True)
 extrinsics("T_cam_imu scaled", lambda m: 2 * m, r"T_cam_imu|rotation", True)
