@@ -5,9 +5,9 @@
 
 namespace trigpoint {
 
-// Of address space, to draw a page of text and lines: 160 MiB with one of Pango's threads, and for another that lives
-// at the same time its stack (8 MiB) and the heap that is reserved for it (128 MiB).
-constexpr double kPageMemory_mib = 300;
+// Of address space, to draw a page of text and lines: 160 MiB with one of Pango's threads, and for each of two others
+// that may live at the same time its stack (8 MiB) and the heap that is reserved for it (128 MiB).
+constexpr double kPageMemory_mib = 440;
 
 // Throws MemoryError where the limits of this process leave less address space than `needed_mib`. `what` is done with
 // it: "drawing the report".

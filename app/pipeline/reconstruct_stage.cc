@@ -129,7 +129,12 @@ void RequireArms(const Run& run, const LocalizeInput& input, const Reconstructio
   const bool stated =
       std::any_of(input.cameras.begin(), input.cameras.end(), [](const BodyCamera& c) { return c.has_extrinsics; });
   if (!input.has_odometry || !stated) return;
-  const auto error = FindArmError(reconstruction, input.scale_sigma, context.threads, context.cancel);
+  std::optional<ArmError> error;
+  try {
+    error = FindArmError(reconstruction, input.scale_sigma, context.threads, context.cancel);
+  } catch (const NumericError&) {
+    return;  // what does not determine the poses contradicts no calibration
+  }
   if (!error) return;
   const Eigen::Vector3d& arm = error->arm_m;
   const std::string text = fmt::format("{:+.2f}, {:+.2f}, {:+.2f} m (body axes; 1 sigma {:.2f} m)", arm.x(), arm.y(),
@@ -250,8 +255,12 @@ void HeedCalibration(const ReconstructRunOptions& options, const StageTarget& ta
     if (HaveConverged(found)) break;
     TakeCameras(found, &run);
     Run asked = run;
-    RequireConventions(MakeRunJob(asked, FeaturesOf(context.project, target)).input, options.reconstruct, &asked,
-                       context);
+    try {
+      RequireConventions(MakeRunJob(asked, FeaturesOf(context.project, target)).input, options.reconstruct, &asked,
+                         context);
+    } catch (const RefusedInput&) {
+      break;  // odometry agrees with the images through the calibrated lens alone
+    }
     RunReconstruction other;
     LocalizeJob its = ReconstructOnce(options, "trigpoint", target, asked, context, &other);
     const double remains = DoubtOfLenses(its.input, other.reconstruction);
