@@ -33,7 +33,7 @@ void TakeCameras(const std::vector<SelfCalibration>& found, Run* run);
 // Writes the cameras of the run, of which some were found, and says so.
 void WriteFoundCameras(const Run& run, const std::vector<SelfCalibration>& found, const std::filesystem::path& file,
                        ProgressSink& progress);
-// The same of lenses that were calibrated, and that images and odometry contradict.
+// Writes the cameras of a run whose calibrated lenses its images contradict, and says which lenses are used instead.
 void WriteRevisedCameras(const Run& calibrated, const Run& revised, const std::vector<SelfCalibration>& found,
                          const std::filesystem::path& file, ProgressSink& progress);
 

@@ -91,8 +91,8 @@ void OfferReadout(const LocalizeInput& input, const std::vector<ReadoutEstimate>
   }
 }
 
-// Refuses odometry that follows other conventions than those of docs/file_formats.md; takes out an even drift. Whether
-// the odometry has changed.
+// Refuses odometry that follows other conventions than those of docs/file_formats.md; takes out an even drift.
+// Returns whether it changed the odometry.
 bool RequireConventions(const LocalizeInput& input, const ReconstructOptions& options, Run* run,
                         StageContext& context) {
   if (const auto unit = FindOtherUnit(*run)) throw RefusedInput(kOdometry, *unit);

@@ -25,7 +25,7 @@ struct RegistrationOptions {
   double sigma_px = 1.0;               // noise of a point in a view, 1 sigma
   double outlier_chi2 = 13.8;          // observations beyond it are dropped (2 dof, 0.1 %)
   int min_inliers = 20;                // fewer: not localized
-  int min_contradicted_inliers = 100;  // the same where its geotag contradicts it: several times the above
+  int min_contradicted_inliers = 100;  // fewer, and its geotag contradicts it: not localized
   double min_matched_share = 0.06;     // of the points that should be seen, so many must be found
   double min_agreement = 0.1;          // share of the matches that must agree on the pose; chance reaches some percent
   double rival_share = 0.3;          // another pose that explains more than this share of what the best does: ambiguous
@@ -54,7 +54,8 @@ struct RegistrationOptions {
     visit(self.outlier_chi2, {"outlier_chi2", "", 1, 10000, "observations above this chi-square (2 dof) are dropped"});
     visit(self.min_inliers, {"min_inliers", "", 6, 10000, "with fewer inliers a reference is not localized"});
     visit(self.min_contradicted_inliers,
-          {"min_contradicted_inliers", "", 6, 10000, "the same where a reference's geotag contradicts its images"});
+          {"min_contradicted_inliers", "", 6, 10000,
+           "with fewer inliers a reference that its geotag contradicts is not localized"});
     visit(self.min_matched_share, {"min_matched_share", "", 0, 1, "share of expected points that must be found"});
     visit(self.min_agreement, {"min_agreement", "", 0, 1, "share of the matches that must agree on the pose"});
     visit(self.rival_share,
