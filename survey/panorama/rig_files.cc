@@ -159,9 +159,10 @@ Camera ReadCamera(const json& photo, const json& document, const CsvRow& row) {
   // Rigs of before fisheyes have their principal points in the middle.
   const json principal = photo.value("principal_px", json{0.5 * (w - 1), 0.5 * (h - 1)});
   const bool fisheye = lens.at("model").get<std::string>() == CameraModelName(CameraModel::kKannalaBrandt);
+  const double p1 = fisheye ? 0.0 : lens.value("p1", 0.0), p2 = fisheye ? 0.0 : lens.value("p2", 0.0);
   return Camera(fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan, w, h,
                 {f, f, principal.at(0).get<double>(), principal.at(1).get<double>(), lens.at("k1").get<double>(),
-                 lens.at("k2").get<double>(), 0, 0});
+                 lens.at("k2").get<double>(), p1, p2});
 }
 
 // [rotation, translation] of a photo of rig.json.
