@@ -67,7 +67,14 @@ def files():
         "images": b"\x050.5 a.jpg\n1 b.jpg cam0\n",
         "detections": b"\x06timestamp,image,camera,family,tag_id,hamming,margin,u0,v0,u1,v1,u2,v2,u3,v3,sigma_px\n"
                       b"1,a.jpg,cam0,tag36h11,7,0,60,1,1,9,1,9,9,1,9,0.3\n",
-        "gopro": b"\x08" + gopro_video()}
+        "gopro": b"\x08" + gopro_video(),
+        "rig": b"\x0aphoto,tx,ty,tz,qx,qy,qz,qw,focal_px\na.jpg,0,0,0,0,0,0,1,500\nb.jpg,0,0,0,0,1,0,0,500\n",
+        "rig_lens": b"\x0b" + json.dumps({"photos": [{"photo": name, "lens": 0, "width_px": 640, "height_px": 480,
+                                                     "covariance_rotation_rad_translation_m": [[0] * 6] * 6} for name in ("a.jpg", "b.jpg")],
+                                          "lenses": [{"model": "radtan", "k1": 0.1, "k2": 0, "p1": 0, "p2": 0}],
+                                          "circle": {"radius_m": 0.1, "log_sigma": 0.1}}).encode(),
+        "words": b"\x0c" + struct.pack("<16s4I3Q2QI", b"trigpoint words", 1, 1, 1, 0, 1, 0, 2, 0, 1, 1) + b"a\0",
+        "codebook": b"\x0d" + struct.pack("<20s2I9i", b"trigpoint codebook", 1, 3, 1, 2, -1, -1, 0, 0, -1, 0, 1) + bytes(3 * 256)}
 
 
 def project():
