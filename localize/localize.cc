@@ -483,7 +483,8 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
   Localization result;
   result.reconstruction = std::move(run);
   StepTimes steps(&result.seconds);
-  result.retrieval = RetrieveViews(input, options.retrieval, paper, seed, threads, progress, cancel);
+  result.retrieval = RetrieveViews(input, gps, options.retrieval, options.registration.max_distance_m, paper, seed,
+                                   threads, progress, cancel);
   steps.End("retrieval");
   std::vector<Registration> registrations = RegisterReferences(
       input, result.reconstruction, result.retrieval, options.registration, paper, threads, seed, progress, cancel);

@@ -12,10 +12,9 @@
 #include "app/desktop/match_lines.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
-#include "app/pipeline/stages.h"
+#include "app/pipeline/reference_parts.h"
 #include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
-#include "localize/reconstruct/kept_features.h"
 
 namespace trigpoint {
 
@@ -41,7 +40,7 @@ LoadedReference Load(const Project& project, const SnapshotReference& reference)
   }
   loaded.picture = LoadPanoramaPicture(file);
   try {
-    const ViewOptions options = ResolveOptions<FeatureStageOptions>(project, "references", {}).views;
+    const ViewOptions options = ViewOptionsOf(project);
     loaded.views = PanoramaViews(reference.name, loaded.picture.width(), options).views;
   } catch (const OptionError&) {  // said when the project was opened; all of the panorama can be seen
   }

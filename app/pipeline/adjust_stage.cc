@@ -9,6 +9,7 @@
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/reconstruct_stage.h"
+#include "app/pipeline/reference_parts.h"
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/site_files.h"
 #include "app/pipeline/stage_list.h"
@@ -86,10 +87,9 @@ RunToAdjust ReadRun(const StageContext& context, const std::string& name, const 
   const bool has_odometry = !run.odometry.poses.empty();
   FollowReconstruction(ReconstructionManifest(project, "localize", localized).parent_path(), &run);
   RunToAdjust out;
-  out.job = MakeLocalizeJob(
-      site, run, project.has_frame(), project.frame(), ResultOf(project, "features", plain) / "features.db",
-      ResultOf(project, "references", plain) / "features.db",
-      ResolveOptions<FeatureStageOptions>(project, "references", plain).views, StitchedRigs(project));
+  out.job = MakeLocalizeJob(site, run, project.has_frame(), project.frame(),
+                            ResultOf(project, "features", plain) / "features.db", ReferenceResults(project),
+                            ViewOptionsOf(project), StitchedRigs(project));
   out.job.input.has_odometry = has_odometry;
   out.run.name = name;
   out.run.solution = ReadSolution(file);

@@ -11,6 +11,7 @@
 #include "app/pipeline/crosscheck_colmap.h"
 #include "app/pipeline/crosscheck_figures.h"
 #include "app/pipeline/crosscheck_panoramas.h"
+#include "app/pipeline/reference_parts.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/solution/solution_covariance.h"
@@ -492,7 +493,7 @@ StageInfo CrosscheckStage() {
     request.inputs.push_back(ResultOf(project, "localize", target) / "panoramas.csv");  // as it is now
     if (fs::exists(project.dir() / "models")) request.inputs.push_back(project.dir() / "models");
     if (fs::exists(project.dir() / "estimates")) request.inputs.push_back(project.dir() / "estimates");
-    const ViewOptions views = ResolveOptions<FeatureStageOptions>(project, "references", plain).views;
+    const ViewOptions views = ViewOptionsOf(project);
     request.values["colmap"] = FindProgram("colmap").string();
     request.body = [=, run = target.run, variant = target.variant](StageContext& context) {
       Crosscheck(context, run, variant, options, views);

@@ -1,18 +1,21 @@
 #include <algorithm>
 
+#include "app/pipeline/reference_parts.h"
 #include "app/pipeline/stage_list.h"
 #include "localize/reconstruct/feature_store.h"
+#include "localize/references/view_index.h"
 
 namespace trigpoint {
 namespace {
 
-constexpr int kVersion = 2;
+constexpr int kVersion = 2, kReferencesVersion = 3;
+constexpr int kSameFeatures = 2;  // versions since this one find the same features
 
 nlohmann::json Metrics(const ExtractionReport& report) {
   return {{"pictures", report.pictures}, {"features", report.features}, {"skipped", report.skipped}};
 }
 
-// The result that is replaced, if it is whole and of this version.
+// The result that is replaced, if it is whole and has the features that would be found now.
 FeaturesBefore Before(const Project& project, const char* stage, const std::string& name) {
   FeaturesBefore before;
   before.hash_of = [&project](const std::filesystem::path& file) {
@@ -23,7 +26,7 @@ FeaturesBefore Before(const Project& project, const char* stage, const std::stri
     }
   };
   const auto manifest = ReadManifest(project, stage, name);
-  if (!manifest || manifest->value("version", 0) != kVersion) return before;
+  if (!manifest || manifest->value("version", 0) < kSameFeatures) return before;
   const std::filesystem::path dir = project.ResultDir(stage, name);
   const nlohmann::json files = manifest->value("files", nlohmann::json::object());
   for (const char* file : {"features.db", "pictures.txt"}) {
@@ -37,7 +40,7 @@ FeaturesBefore Before(const Project& project, const char* stage, const std::stri
 
 }  // namespace
 
-// One database per run; the site's references have their own, shared by all runs: results/features/@references.
+// One database a run; the site's references have their own, shared by all runs.
 StageInfo FeaturesStage() {
   StageInfo info;
   info.name = "features";
@@ -66,28 +69,73 @@ StageInfo FeaturesStage() {
   return info;
 }
 
+namespace {
+
+// What the features of references depend on besides their pictures, where not the whole tables count.
+nlohmann::json TableOf(const Site& site) {
+  nlohmann::json table = nlohmann::json::array();
+  for (const Reference& r : site.references) {
+    nlohmann::json row = {r.name, r.mask.empty() ? "" : r.mask.lexically_relative(site.dir).generic_string()};
+    if (r.camera)
+      row.push_back({CameraModelName(r.camera->model()), r.camera->width(), r.camera->height(), r.camera->params()});
+    table.push_back(std::move(row));
+  }
+  return table;
+}
+
+bool AllPanoramas(const Site& site) {
+  return std::all_of(site.references.begin(), site.references.end(),
+                     [](const Reference& r) { return r.kind == ReferenceKind::kPanorama; });
+}
+
+// Features of the same part, or of the one that it was cut from.
+FeaturesBefore BeforePart(const Project& project, const StageInfo& stage, StageTarget target) {
+  FeaturesBefore before;
+  for (std::string last = "-"; before.dir.empty() && target.part != last; target.part = ParentPart(last)) {
+    last = target.part;
+    before = Before(project, "references", ResultName(stage, target));
+  }
+  return before;
+}
+
+void FindReferenceFeatures(const ReferenceOptions& options, const Site& site, const FeaturesBefore& before,
+                           const std::filesystem::path& first, StageContext& context) {
+  context.metrics.update(Metrics(
+      ExtractReferenceFeatures(site, options, before, context.out, context.threads, context.progress, context.cancel)));
+  const bool in_parts = ReferenceParts(context.project.site()).size() > 1;
+  if (first.empty())
+    WriteCodebook(context.out, options.codebook, in_parts, context.seed, context.threads, context.cancel);
+  WriteWords(context.out, first.empty() ? context.out : first, context.threads, context.cancel);
+}
+
+}  // namespace
+
 StageInfo ReferencesStage() {
   StageInfo info;
   info.name = "references";
-  info.help = "find local features in the views of panoramas and in reference photos";
+  info.help = "find local features and visual words in the views of panoramas and in reference photos";
   info.per_run = false;
+  info.parts = [](const Project& project) { return ReferenceParts(project.site()); };
   info.metric = "features";
-  UseOptions<FeatureStageOptions>(info);
+  UseOptions<ReferenceOptions>(info);
   info.make = [](const Project& project, const StageTarget& target) {
-    const auto options = ResolveOptions<FeatureStageOptions>(project, "references", target);
+    const auto options = ResolveOptions<ReferenceOptions>(project, "references", target);
+    const std::vector<std::string> parts = ReferenceParts(project.site());
     StageRequest request;
-    request.version = kVersion;
+    request.version = kReferencesVersion;
     request.options = JsonFromOptions(options);
-    request.inputs = ReferenceInputs(project);
-    const Site& site = project.site();
-    const auto panorama = [](const Reference& r) { return r.kind == ReferenceKind::kPanorama; };
-    if (!std::all_of(site.references.begin(), site.references.end(), panorama)) {
-      request.values["finest_focal_px"] = FinestFocal(site);  // photos are reduced by it
+    Site site = SiteOfPart(project.site(), target.part);
+    request.inputs = ReferenceInputs(project, site, parts.size() == 1);
+    if (parts.size() > 1) request.values["references"] = TableOf(site);
+    if (!AllPanoramas(site)) request.values["finest_focal_px"] = FinestFocal(site);  // photos are reduced by it
+    std::filesystem::path first;
+    if (target.part != parts.front()) {
+      first = ReferenceResults(project).front();
+      request.inputs.push_back(first / kCodebookFile);
     }
-    request.body = [options](StageContext& context) {
-      context.metrics.update(
-          Metrics(ExtractReferenceFeatures(context.project.site(), options, Before(context.project, "references", ""),
-                                           context.out, context.threads, context.progress, context.cancel)));
+    request.body = [=, site = std::move(site)](StageContext& context) {
+      FindReferenceFeatures(options, site, BeforePart(context.project, StageNamed("references"), target), first,
+                            context);
     };
     return request;
   };

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "app/pipeline/command_line.h"
+#include "app/pipeline/reference_parts.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
@@ -240,11 +241,14 @@ std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const
   StageTarget plain = p.target;
   plain.variant.clear();
   const fs::path images_db = ResultOf(p.project, "features", plain) / "features.db";
-  const fs::path views_db = ResultOf(p.project, "references", plain) / "features.db";
-  for (const fs::path& database : {images_db, views_db}) {
+  std::vector<fs::path> view_dbs;
+  for (const fs::path& result : ReferenceResults(p.project)) view_dbs.push_back(result / kFeaturesFile);
+  std::vector<fs::path> databases = view_dbs;
+  databases.push_back(images_db);
+  for (const fs::path& database : databases) {
     if (!fs::exists(database)) throw InputError(database.string() + ": there are no features yet; run `trigpoint run`");
   }
-  const FeatureStore images(images_db), views(views_db);
+  const FeatureStore images(images_db), views(view_dbs);
   if (!images.Has(file)) throw InputError("image '" + file + "' has no features");
   const FeatureSet features = images.Read(file);
   const DescriptorBlock descriptors(features.descriptors);
@@ -258,7 +262,7 @@ std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const
   for (const PanoramaResult& answer : p.result.panoramas) {
     if (answer.panorama == panorama) odom_from_pano = answer.odom_from_pano;
   }
-  const ViewOptions options = ResolveOptions<FeatureStageOptions>(p.project, "references", plain).views;
+  const ViewOptions options = ViewOptionsOf(p.project);
   std::vector<InspectedMatch> matches;
   for (const MatchedView& matched : ViewsOf(p.project, options, p.target, panorama)) {
     if (!views.Has(matched.features)) continue;

@@ -17,6 +17,10 @@ namespace {
 
 // Does `job` read the result of `earlier`?
 bool Needs(const Project& project, const Job& job, const Job& earlier) {
+  if (job.stage == earlier.stage) {
+    return job.stage->parts && job.target.part != earlier.target.part &&
+           earlier.target.part == job.stage->parts(project).front();
+  }
   if (!NeedsStage(project, *job.stage, job.target, earlier.stage->name)) return false;
   if (job.stage->per_run && earlier.stage->per_run && job.target.run != earlier.target.run) return false;
   if (!earlier.stage->variants || !job.stage->variants) return true;
@@ -83,7 +87,15 @@ std::vector<StageTarget> WantedTargets(const Project& project, const StageInfo& 
     targets.push_back(TargetRead(project, stage, reader.name, target));
   }
   if (targets.empty()) targets.push_back(target);
-  return targets;
+  if (!stage.parts) return targets;
+  std::vector<StageTarget> of_parts;
+  for (const std::string& part : stage.parts(project)) {
+    for (StageTarget& its : targets) {
+      its.part = part;
+      of_parts.push_back(its);
+    }
+  }
+  return of_parts;
 }
 
 std::string WhyNotNeeded(const Project& project, const Job& job) {
@@ -146,7 +158,8 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
         for (const StageTarget& target :
              WantedTargets(project, stage, {run, variant, query.overrides}, query, wanted)) {
           const bool known = std::any_of(jobs.begin(), jobs.end(), [&](const Job& job) {
-            return job.stage == &stage && job.target.run == target.run && job.target.variant == target.variant;
+            return job.stage == &stage && job.target.run == target.run && job.target.variant == target.variant &&
+                   job.target.part == target.part;
           });
           if (known) continue;
           jobs.push_back({&stage, target});

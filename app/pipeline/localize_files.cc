@@ -12,6 +12,7 @@
 #include "datasets/io/motion_rates.h"
 #include "datasets/io/source_quality.h"
 #include "localize/reconstruct/rolling_shutter.h"
+#include "localize/references/view_index.h"
 #include "survey/panorama/rig_files.h"
 
 namespace trigpoint {
@@ -474,14 +475,17 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
 }
 
 LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
-                            const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
-                            const ViewOptions& views, const std::map<std::string, std::filesystem::path>& rigs) {
+                            const std::filesystem::path& run_features,
+                            const std::vector<std::filesystem::path>& reference_results, const ViewOptions& views,
+                            const std::map<std::string, std::filesystem::path>& rigs) {
   LocalizeJob job = MakeRunJob(run, run_features);
   job.warnings.clear();  // of the run: `reconstruct` warns
   LocalizeInput& input = job.input;
   input.has_frame = has_frame;
   input.frame = frame;
-  const auto reference_store = std::make_shared<FeatureStore>(reference_features);
+  std::vector<std::filesystem::path> databases;
+  for (const std::filesystem::path& result : reference_results) databases.push_back(result / kFeaturesFile);
+  const auto reference_store = std::make_shared<FeatureStore>(databases);
   std::vector<PreparedReference> prepared = PrepareReferences(site, views, &job.warnings);
   std::vector<std::vector<std::string>> names_of;  // of each reference's views in the store
   AddStitchedSets(site, rigs, *reference_store, &prepared, &names_of, &job);
@@ -525,6 +529,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
     const auto r = static_cast<size_t>(reference), v = static_cast<size_t>(view);
     return ResizedFeatures(reference_store->Read(names_of[r][v]), sizes[r][v].first, sizes[r][v].second);
   };
+  input.view_index = [reference_results, names_of] { return MapViewIndex(reference_results, names_of); };
 
   if (has_frame) {
     for (const GpsFix& fix : run.gps) {

@@ -35,10 +35,12 @@ struct LocalizeJob {
 // as below.
 LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features);
 // `rigs`: folders of stitched rigs by the name of their photo set; a set with one is one reference of many views, else
-// every photo is one of its own. Throws InputError if nothing can be localized (no odometry, no image with it).
+// every photo is one of its own. `reference_results`: folders of all parts of the references. Throws InputError if
+// nothing can be localized (no odometry, no image with it).
 LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
-                            const std::filesystem::path& run_features, const std::filesystem::path& reference_features,
-                            const ViewOptions& views, const std::map<std::string, std::filesystem::path>& rigs = {});
+                            const std::filesystem::path& run_features,
+                            const std::vector<std::filesystem::path>& reference_results, const ViewOptions& views,
+                            const std::map<std::string, std::filesystem::path>& rigs = {});
 
 // odom_from_cam of the run's first camera, in image time.
 Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result);

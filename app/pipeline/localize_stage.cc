@@ -7,6 +7,7 @@
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/reconstruct_stage.h"
+#include "app/pipeline/reference_parts.h"
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/world_evidence.h"
@@ -273,7 +274,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 21;
+    request.version = 22;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -284,10 +285,10 @@ StageInfo LocalizeStage() {
     }
     request.inputs.push_back(ManifestOf(project, "features", plain));
     request.inputs.push_back(ReconstructionManifest(project, "localize", target));
-    request.inputs.push_back(ManifestOf(project, "references", plain));
+    for (const std::filesystem::path& manifest : ReferenceManifests(project)) request.inputs.push_back(manifest);
     const std::filesystem::path features = ResultOf(project, "features", plain) / "features.db";
-    const std::filesystem::path references = ResultOf(project, "references", plain) / "features.db";
-    const ViewOptions views = ResolveOptions<FeatureStageOptions>(project, "references", plain).views;
+    const std::vector<std::filesystem::path> references = ReferenceResults(project);
+    const ViewOptions views = ViewOptionsOf(project);
     // As published, a reference's views share one centre.
     std::map<std::string, std::filesystem::path> rigs;
     if (options.mode != "paper") rigs = StitchedRigs(project);

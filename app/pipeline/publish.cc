@@ -151,7 +151,7 @@ std::map<std::string, fs::path> InputsOf(const Project& project, const std::vect
     if (project.site().broken_runs.count(name) > 0) continue;
     for (const fs::path& input : RunInputs(project, project.run(name))) add(input);
   }
-  for (const fs::path& input : ReferenceInputs(project)) add(input);
+  for (const fs::path& input : ReferenceInputs(project, project.site())) add(input);
   for (const std::string& file : SiteFiles()) add(file);
   return inputs;
 }

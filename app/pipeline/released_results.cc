@@ -27,7 +27,7 @@ std::optional<RestedOn> OwnerOf(const Project& project, const std::string& input
     const size_t at = name.find('@');
     StageTarget target;
     if (info.per_run) target.run = name.substr(0, at);
-    if (at != std::string::npos) target.variant = name.substr(at + 1);
+    if (at != std::string::npos) (info.parts ? target.part : target.variant) = name.substr(at + 1);
     return ResultNow(project, stage, target);
   } catch (const OptionError&) {
     return std::nullopt;  // a folder of results that is no stage's

@@ -87,7 +87,7 @@ void AddNamedResults(const Project& project, std::vector<ResultRecord>* results)
 
 // What the pages show beside results: the user's tables and pictures.
 std::vector<fs::path> Shown(const Project& project) {
-  std::vector<fs::path> files = ReferenceInputs(project);
+  std::vector<fs::path> files = ReferenceInputs(project, project.site());
   for (const Run& run : project.site().runs) {
     const std::vector<fs::path> its = RunInputs(project, run);
     files.insert(files.end(), its.begin(), its.end());

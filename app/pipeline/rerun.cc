@@ -173,7 +173,9 @@ std::vector<Planned> PlanStages(const RerunOptions& options, const ReleaseRecord
     planned.job.stage = &StageNamed(stage);
     const size_t at = name.find('@');
     if (planned.job.stage->per_run) planned.job.target.run = name.substr(0, at);
-    if (at != std::string::npos) CheckVariantName(planned.job.target.variant = name.substr(at + 1));
+    StageTarget& target = planned.job.target;
+    if (at != std::string::npos)
+      CheckVariantName((planned.job.stage->parts ? target.part : target.variant) = name.substr(at + 1));
     if (name.find('/') != std::string::npos || name.starts_with(".")) {
       ThrowDamaged(options, "result '" + CleanPath(planned.key) + "' has a name that is no folder's");
     }

@@ -45,6 +45,7 @@ const StageInfo& StageNamed(const std::string& name) {
 }
 
 std::string ResultName(const StageInfo& stage, const StageTarget& target) {
+  if (stage.parts) return target.part.empty() ? "" : "@" + target.part;
   const std::string run = stage.per_run ? target.run : "";
   return stage.variants && !target.variant.empty() ? run + "@" + target.variant : run;
 }
@@ -85,12 +86,12 @@ std::vector<fs::path> RunInputs(const Project& project, const Run& run) {
   return inputs;
 }
 
-std::vector<fs::path> ReferenceInputs(const Project& project) {
+std::vector<fs::path> ReferenceInputs(const Project& project, const Site& site, bool tables) {
   std::vector<fs::path> inputs;
   for (const char* table : {"panoramas.csv", "photos.csv"}) {
-    if (fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
+    if (tables && fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
   }
-  for (const Reference& reference : project.site().references) {
+  for (const Reference& reference : site.references) {
     inputs.insert(inputs.end(), reference.files.begin(), reference.files.end());
     if (!reference.mask.empty()) inputs.push_back(reference.mask);
     if (reference.kind != ReferenceKind::kPhotoSet) continue;
@@ -122,19 +123,48 @@ const std::vector<std::string>& ReconstructionOptionGroups() {
   return kGroups;
 }
 
+namespace {
+
+// Puts the options that were another stage's behind those that the stage has itself.
+void AddMoved(const std::string& stage, json moved, json* stages) {
+  if (moved.empty()) return;
+  if (const auto own = stages->find(stage); own != stages->end()) moved.merge_patch(*own);
+  (*stages)[stage] = std::move(moved);
+}
+
+// The members of `keys` are taken out of an object.
+json TakeOut(const std::vector<std::string>& keys, json* from) {
+  json taken = json::object();
+  if (!from->is_object()) return taken;
+  for (const std::string& key : keys) {
+    if (!from->contains(key)) continue;
+    taken[key] = from->at(key);
+    from->erase(key);
+  }
+  return taken;
+}
+
+}  // namespace
+
 json MovedOptions(json stages) {
   const auto from = stages.find("localize");
   if (from == stages.end() || !from->is_object()) return stages;
-  json moved = json::object();
-  for (const std::string& group : ReconstructionOptionGroups()) {
-    if (!from->contains(group)) continue;
-    moved[group] = from->at(group);
-    from->erase(group);
+  json localize = *from;
+  json reconstruct = TakeOut(ReconstructionOptionGroups(), &localize);
+  json references = json::object();
+  if (const auto retrieval = localize.find("retrieval"); retrieval != localize.end()) {
+    json codebook = TakeOut({"words", "training_descriptors", "iterations"}, &*retrieval);
+    if (!codebook.empty()) references["codebook"] = std::move(codebook);
+    if (retrieval->empty()) localize.erase("retrieval");
   }
-  if (moved.empty()) return stages;
-  if (from->empty()) stages.erase("localize");
-  if (const auto own = stages.find("reconstruct"); own != stages.end()) moved.merge_patch(*own);
-  stages["reconstruct"] = std::move(moved);
+  if (reconstruct.empty() && references.empty()) return stages;
+  if (localize.empty()) {
+    stages.erase("localize");
+  } else {
+    stages["localize"] = std::move(localize);
+  }
+  AddMoved("reconstruct", std::move(reconstruct), &stages);
+  AddMoved("references", std::move(references), &stages);
   return stages;
 }
 

@@ -38,6 +38,7 @@ struct StageTarget {
   std::string run;                                      // empty: a stage with one result for all runs
   std::string variant;                                  // empty: the first set of results
   nlohmann::json overrides = nlohmann::json::object();  // {stage: {option: value}} of the command line
+  std::string part = {};                                // of a stage that works in parts; empty: it has one
 };
 
 struct StageInfo {
@@ -49,6 +50,8 @@ struct StageInfo {
   bool only_on_request = false;    // left out of `run` and `status`
   bool first_on_request = false;   // made only by its own command at first; what is there is kept up to date
   std::vector<std::string> needs;  // stages whose results it reads
+  // The parts that it works in, each with a result of its own; each but the first reads that of the first. Absent: one.
+  std::function<std::vector<std::string>(const Project&)> parts;
   // Further ones that a target's options ask for. Optional.
   std::function<std::vector<std::string>(const Project&, const StageTarget&)> also_needs;
   // Kinds of objects of the review (datasets/project/review.h) whose state its results rest on: "image", "detection",
@@ -88,7 +91,7 @@ const StageInfo& StageNamed(const std::string& name);
 
 // The request of one stage for one target, with stage and name in place.
 StageRequest MakeRequest(const Project& project, const StageInfo& stage, const StageTarget& target);
-// results/<stage>/<name>: run, run@variant, "" or @variant.
+// results/<stage>/<name>: run, run@variant, "", @variant or @part.
 std::string ResultName(const StageInfo& stage, const StageTarget& target);
 // The manifest of the result of another stage for the same target, as an input.
 std::filesystem::path ManifestOf(const Project& project, const std::string& stage, const StageTarget& target);
@@ -97,8 +100,8 @@ std::filesystem::path ResultOf(const Project& project, const std::string& stage,
 
 // Every file a run consists of: images or video, calibration, masks, odometry, GPS, run.yaml.
 std::vector<std::filesystem::path> RunInputs(const Project& project, const Run& run);
-// Every file the site's references consist of: tables and pictures.
-std::vector<std::filesystem::path> ReferenceInputs(const Project& project);
+// Every file the references of a site, all of the project's or some, consist of: pictures and masks, and the tables.
+std::vector<std::filesystem::path> ReferenceInputs(const Project& project, const Site& site, bool tables = true);
 
 // Throws OptionError naming every stage and option of trigpoint.yaml that is unknown, of the wrong type or out of
 // range.

@@ -17,7 +17,6 @@ namespace {
 
 // Pictures are written in order, so that the database does not depend on the threads: so many may wait.
 constexpr int kAhead = 16;
-constexpr const char* kDatabase = "features.db";
 // A photo's focal length in pixels, at most so many times that of the runs' finest camera: what a camera would show
 // from somewhat nearer.
 constexpr double kFinest = 1.3;
@@ -126,7 +125,7 @@ ExtractionReport ExtractRunFeatures(const Run& run, const FeatureOptions& option
   CheckMasks(run, threads, progress, cancel);
   ExtractionReport report;
   KeptFeatures kept(before, out);
-  ColmapDatabase database = ColmapDatabase::Create(out / kDatabase);
+  ColmapDatabase database = ColmapDatabase::Create(out / kFeaturesFile);
   database.Begin();
   std::vector<uint32_t> cameras;
   const RunMasks masks(run);
@@ -221,7 +220,7 @@ ExtractionReport ExtractReferenceFeatures(const Site& site, const FeatureStageOp
   ExtractionReport report;
   const std::vector<PreparedReference> references = PrepareReferences(site, options.views, &report.skipped);
   KeptFeatures kept(before, out);
-  ColmapDatabase database = ColmapDatabase::Create(out / kDatabase);
+  ColmapDatabase database = ColmapDatabase::Create(out / kFeaturesFile);
   database.Begin();
   // All views in one list, so that no core waits at a picture's end for its last view.
   std::vector<ViewJob> jobs;
@@ -285,13 +284,18 @@ FeatureSet ResizedFeatures(FeatureSet features, const Camera& from, const Camera
   return features;
 }
 
-FeatureStore::FeatureStore(const std::filesystem::path& file) : database_(ColmapDatabase::OpenRead(file)) {
-  for (const DatabaseImage& image : database_.Images()) ids_[image.name] = image.id;
+FeatureStore::FeatureStore(const std::vector<std::filesystem::path>& databases) {
+  for (const std::filesystem::path& file : databases) {
+    databases_.push_back(ColmapDatabase::OpenRead(file));
+    for (const DatabaseImage& image : databases_.back().Images())
+      places_[image.name] = {databases_.size() - 1, image.id};
+  }
 }
 
 FeatureSet FeatureStore::Read(const std::string& name) const {
+  const Place& place = places_.at(name);
   const std::lock_guard lock(mutex_);
-  return database_.ReadFeatures(ids_.at(name));
+  return databases_[place.database].ReadFeatures(place.id);
 }
 
 }  // namespace trigpoint

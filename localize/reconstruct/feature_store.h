@@ -17,6 +17,8 @@
 
 namespace trigpoint {
 
+constexpr const char* kFeaturesFile = "features.db";
+
 // What became of the pictures: how many, and a sentence for each that could not be used.
 struct ExtractionReport {
   int pictures = 0, kept = 0;  // kept: of these, with the features found before
@@ -48,17 +50,21 @@ FeatureSet ResizedFeatures(FeatureSet features, const Camera& from, const Camera
 // The largest focal length of the runs' cameras, px; 0 without any.
 double FinestFocal(const Site& site);
 
-// Reads features by name; thread safe.
+// Reads features by name, of one or more databases; thread safe.
 class FeatureStore {
  public:
-  explicit FeatureStore(const std::filesystem::path& database);
-  bool Has(const std::string& name) const { return ids_.count(name) > 0; }
-  uint32_t Id(const std::string& name) const { return ids_.at(name); }
+  explicit FeatureStore(const std::filesystem::path& database) : FeatureStore(std::vector{database}) {}
+  explicit FeatureStore(const std::vector<std::filesystem::path>& databases);
+  bool Has(const std::string& name) const { return places_.count(name) > 0; }
   FeatureSet Read(const std::string& name) const;
 
  private:
-  ColmapDatabase database_;
-  std::map<std::string, uint32_t> ids_;
+  struct Place {
+    size_t database;
+    uint32_t id;
+  };
+  std::vector<ColmapDatabase> databases_;
+  std::map<std::string, Place> places_;
   mutable std::mutex mutex_;
 };
 

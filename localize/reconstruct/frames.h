@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,8 @@
 #include "datasets/io/site.h"
 
 namespace trigpoint {
+
+struct ViewIndex;  // localize/references/view_index.h
 
 struct FrameImage {
   int64_t stamp_ns = 0;
@@ -48,6 +51,8 @@ struct LocalizeInput {
   // Of cameras with a readout time: where the features of far points would be at the image's time.
   std::function<FeatureSet(int image)> image_features;
   std::function<FeatureSet(int reference, int view)> view_features;
+  // The visual words of the references' views, where they are on disk. Optional.
+  std::function<std::shared_ptr<const ViewIndex>()> view_index;
   // Grey, 8 bit; empty where it cannot be read. No function: pictures are not at hand.
   std::function<cv::Mat(int image)> image_picture;
   bool has_frame = false;

@@ -2,18 +2,18 @@
 
 #include <fmt/format.h>
 
+#include "calib/base/fnv.h"
+
 namespace trigpoint {
 namespace {
 
 constexpr const char* kDatabase = "features.db";
 constexpr const char* kSources = "pictures.txt";  // a line a picture: source, tab, name
 
-// FNV-1a of a mask; two masks are alike or not.
+// Two masks are alike or not.
 uint64_t DigestOf(const cv::Mat& mask) {
-  uint64_t digest = 14695981039346656037U;
-  for (int y = 0; y < mask.rows; ++y) {
-    for (int x = 0; x < mask.cols; ++x) digest = (digest ^ mask.at<uint8_t>(y, x)) * 1099511628211U;
-  }
+  uint64_t digest = kFnvBasis;
+  for (int y = 0; y < mask.rows; ++y) digest = Fnv1a(mask.ptr(y), static_cast<size_t>(mask.cols), digest);
   return digest;
 }
 

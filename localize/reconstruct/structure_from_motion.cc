@@ -37,27 +37,11 @@ const BodyCamera& CameraOf(const LocalizeInput& input, int image) {
 void AddAlike(const LocalizeInput& input, const StructureFromMotionOptions& options, int threads, uint64_t seed,
               const CancelToken& cancel, std::set<std::pair<int, int>>* pairs) {
   const int n = static_cast<int>(input.images.size());
-  RetrievalOptions retrieval;
-  DescriptorBlock training;
-  const int share = std::max(1, retrieval.training_descriptors / n);
-  for (int i = 0; i < n; ++i) {
-    cancel.ThrowIfCancelled();
-    const DescriptorBlock block(input.image_features(i).descriptors);
-    std::vector<int> order(static_cast<size_t>(block.size()));
-    std::iota(order.begin(), order.end(), 0);
-    Random random(seed * 1000003 + static_cast<uint64_t>(i));
-    random.Shuffle(order);
-    for (int k = 0; k < std::min(share, block.size()); ++k) training.Append(block, order[static_cast<size_t>(k)]);
-  }
-  if (training.size() == 0) return;
-  const Vocabulary vocabulary(training, retrieval, seed, threads, cancel);
-  RetrievalIndex index(vocabulary);
-  for (int i = 0; i < n; ++i) index.Add(DescriptorBlock(input.image_features(i).descriptors));
-  index.Finish();
+  const auto descriptors = [&](int i) { return DescriptorBlock(input.image_features(i).descriptors); };
+  const RetrievalIndex index = IndexInMemory(n, descriptors, {}, seed, threads, cancel);
   std::vector<std::vector<RetrievalHit>> hits(static_cast<size_t>(n));
   ParallelFor(n, threads, cancel, [&](int64_t i) {
-    hits[static_cast<size_t>(i)] =
-        index.Query(DescriptorBlock(input.image_features(static_cast<int>(i)).descriptors), options.retrieved + 1);
+    hits[static_cast<size_t>(i)] = index.Query(descriptors(static_cast<int>(i)), options.retrieved + 1);
   });
   for (int i = 0; i < n; ++i) {
     for (const RetrievalHit& hit : hits[static_cast<size_t>(i)]) {

@@ -66,7 +66,9 @@ std::optional<std::string> FindMirroredPanoramas(const LocalizeInput& input, con
     const ViewRig& rig = input.references[static_cast<size_t>(of_input)].rig;
     return MirroredFeatures(input.view_features(of_input, view), rig.views[static_cast<size_t>(view)].camera.width());
   };
-  const Retrieval views = RetrieveViews(mirrored, retrieval, false, seed, threads, progress, cancel);
+  mirrored.view_index = nullptr;
+  const Retrieval views =
+      RetrieveViews(mirrored, {}, retrieval, options.max_distance_m, false, seed, threads, progress, cancel);
   const std::vector<Registration> found =
       RegisterReferences(mirrored, reconstruction, views, options, false, threads, seed, progress, cancel);
   std::string names;

@@ -26,14 +26,8 @@
 namespace trigpoint {
 namespace {
 
-// Photos of one hand-held set that an image is compared with, at most.
-constexpr int kViewsOfSet = 3;
-
 // Traversals of the run that a reference is looked for in, at most.
 constexpr size_t kTraversals = 3;
-
-// One of the photos of a hand-held set, or the set as one rig.
-bool OfSet(const ReferenceViews& r) { return r.set >= 0 || r.stitched; }
 
 // One matched point: where a view sees it and which point it may be.
 struct Correspondence {
@@ -142,59 +136,6 @@ std::vector<Correspondence> OnePointEach(const PointMatches& of_point) {
   return out;
 }
 
-using Documents = std::vector<std::pair<int, int>>;  // reference, view
-
-// An even share of every view trains the codebook.
-DescriptorBlock TrainingDescriptors(const LocalizeInput& input, const Documents& documents, int wanted, uint64_t seed,
-                                    const CancelToken& cancel) {
-  DescriptorBlock training;
-  const int share = std::max(1, wanted / static_cast<int>(documents.size()));
-  for (size_t d = 0; d < documents.size(); ++d) {
-    cancel.ThrowIfCancelled();
-    const DescriptorBlock block(input.view_features(documents[d].first, documents[d].second).descriptors);
-    std::vector<int> order(static_cast<size_t>(block.size()));
-    std::iota(order.begin(), order.end(), 0);
-    Random random(seed * 1000003 + d);
-    random.Shuffle(order);
-    for (int i = 0; i < std::min(share, block.size()); ++i) training.Append(block, order[static_cast<size_t>(i)]);
-  }
-  return training;
-}
-
-// An image's best views, those of hand-held sets left out (paper: no difference is made).
-std::vector<Retrieval::Hit> BestViews(const LocalizeInput& input, const Documents& documents,
-                                      const std::vector<RetrievalHit>& ranked, int top_k, bool paper) {
-  std::vector<Retrieval::Hit> hits;
-  for (const RetrievalHit& hit : ranked) {
-    if (static_cast<int>(hits.size()) >= top_k) break;
-    const auto& [r, v] = documents[static_cast<size_t>(hit.document)];
-    if (paper || !OfSet(input.references[static_cast<size_t>(r)])) hits.push_back({r, v, hit.score});
-  }
-  return hits;
-}
-
-// A photo of a hand-held set shows less than a panorama's view and scores lower, and it must not take a panorama's
-// place either: sets are named where they are among the image's best places, by their best photos, with what they
-// exceed the first place left out by.
-void AppendBestPhotos(const LocalizeInput& input, const Documents& documents, const std::vector<RetrievalHit>& ranked,
-                      int top_k, std::vector<Retrieval::Hit>* hits) {
-  std::vector<Retrieval::Hit> photos;
-  std::map<int, int> views_of;  // place -> views seen
-  float floor = 0;
-  for (const RetrievalHit& hit : ranked) {
-    if (static_cast<int>(views_of.size()) > top_k) break;
-    const auto& [r, v] = documents[static_cast<size_t>(hit.document)];
-    const ReferenceViews& reference = input.references[static_cast<size_t>(r)];
-    const int place = reference.set < 0 ? r : -1 - reference.set;
-    const auto [views, fresh] = views_of.try_emplace(place, 0);
-    if (fresh) floor = hit.score;
-    if (OfSet(reference) && ++views->second <= kViewsOfSet) photos.push_back({r, v, hit.score});
-  }
-  for (const Retrieval::Hit& photo : photos) {
-    if (photo.score > floor) hits->push_back({photo.reference, photo.view, photo.score - floor});
-  }
-}
-
 class Registrar {
  public:
   Registrar(const LocalizeInput& input, const Reconstruction& reconstruction, const Retrieval& retrieval,
@@ -235,7 +176,9 @@ class Registrar {
     out.views.resize(job.ref.rig.views.size());
     const std::vector<Traversal> traversals = Traversals(reference);
     if (traversals.empty()) {
-      out.reason = "no image of the run looks like it";
+      const bool tested = retrieval_.tested.empty() || retrieval_.tested[static_cast<size_t>(reference)] != 0;
+      out.reason = tested ? "no image of the run looks like it"
+                          : "not tested, as the run is elsewhere by its GPS or by what its images look like";
       return Unmatched(out);
     }
     for (int v = 0; v < n_views; ++v) Prepare(input_.view_features(reference, v), v, &job);
@@ -1096,40 +1039,6 @@ std::string_view AnswerStatusName(AnswerStatus status) {
     case AnswerStatus::kUnmatched: return "unmatched";
   }
   return "unmatched";
-}
-
-Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, bool paper, uint64_t seed,
-                        int threads, ProgressSink& progress, const CancelToken& cancel) {
-  Retrieval result;
-  result.of_image.resize(input.images.size());
-  Documents documents;
-  for (size_t r = 0; r < input.references.size(); ++r) {
-    for (size_t v = 0; v < input.references[r].rig.views.size(); ++v) documents.emplace_back(r, v);
-  }
-  if (documents.empty()) return result;
-  progress.Begin("codebook", 0);
-  const DescriptorBlock training = TrainingDescriptors(input, documents, options.training_descriptors, seed, cancel);
-  if (training.size() == 0) return result;
-  const Vocabulary vocabulary(training, options, seed, threads, cancel);
-  RetrievalIndex index(vocabulary);
-  for (const auto& [r, v] : documents) {
-    cancel.ThrowIfCancelled();
-    index.Add(DescriptorBlock(input.view_features(r, v).descriptors));
-  }
-  index.Finish();
-  const bool with_sets = !paper && std::any_of(input.references.begin(), input.references.end(), OfSet);
-  progress.Begin("retrieval", static_cast<int64_t>(input.images.size()));
-  ParallelFor(static_cast<int64_t>(input.images.size()), threads, cancel, [&](int64_t i) {
-    const DescriptorBlock block(input.image_features(static_cast<int>(i)).descriptors);
-    const std::vector<RetrievalHit> ranked = index.Query(block, with_sets ? index.size() : options.top_k);
-    std::vector<Retrieval::Hit>& hits = result.of_image[static_cast<size_t>(i)];
-    hits = BestViews(input, documents, ranked, options.top_k, paper);
-    if (with_sets) AppendBestPhotos(input, documents, ranked, options.top_k, &hits);
-    progress.Advance(1);
-  });
-  result.words = vocabulary.size();
-  result.memory_mib = static_cast<double>(index.MemoryBytes()) / 1048576.0;
-  return result;
 }
 
 std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,

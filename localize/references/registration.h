@@ -8,7 +8,7 @@
 #include "calib/base/progress.h"
 #include "localize/reconstruct/frames.h"
 #include "localize/reconstruct/reconstruct.h"
-#include "localize/references/retrieval.h"
+#include "localize/references/view_retrieval.h"
 
 namespace trigpoint {
 
@@ -112,21 +112,6 @@ struct Registration {
   double matched_share = 0;  // support as a share of the points that should be seen
   double distance_m = 0;     // to the nearest camera
 };
-
-// The views that every image looks like.
-struct Retrieval {
-  struct Hit {
-    int reference, view;
-    float score;  // cosine similarity; of a hand-held set: above that of the first place left out
-  };
-  std::vector<std::vector<Hit>> of_image;
-  int words = 0;
-  double memory_mib = 0;
-};
-// The top_k views of each image; those of hand-held sets where the set is among the top_k places (paper: no difference
-// is made).
-Retrieval RetrieveViews(const LocalizeInput& input, const RetrievalOptions& options, bool paper, uint64_t seed,
-                        int threads, ProgressSink& progress, const CancelToken& cancel);
 
 // Covariance of every point by the run's rays, cameras held: a point far along its rays says little about a reference
 // that sees it from the side.

@@ -1,50 +1,27 @@
 // Candidate references of an image: visual words, tf-idf, cosine similarity (docs/method.md section 3).
 #pragma once
 
-#include <cstdint>
+#include <memory>
+#include <utility>
 #include <vector>
 
-#include "calib/base/option.h"
-#include "calib/base/progress.h"
-#include "localize/reconstruct/matching.h"
+#include "localize/references/vocabulary.h"
+#include "localize/references/word_lists.h"
 
 namespace trigpoint {
 
 struct RetrievalOptions {
-  int words = 8000;                  // size of the codebook (hierarchical k-means with three levels)
-  int training_descriptors = 60000;  // descriptors sampled to build it
-  int iterations = 8;                // of k-means, each level
-  int top_k = 10;                    // views kept an image
+  int top_k = 10;             // views kept an image
+  int most_references = 500;  // of a run, tested
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.words, {"words", "", 8, 1000000, "visual words in the codebook"});
-    visit(self.training_descriptors,
-          {"training_descriptors", "", 100, 10000000, "descriptors sampled for the codebook"});
-    visit(self.iterations, {"iterations", "", 1, 100, "k-means iterations per level"});
     visit(self.top_k, {"top_k", "", 1, 1000, "most similar views kept of each image"});
+    visit(self.most_references, {"most_references", "references", 1, 1000000,
+                                 "references that a run is tested with; of more, those where its images or GPS place "
+                                 "it"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
-};
-
-// A codebook: a tree of k-means centres, three levels.
-class Vocabulary {
- public:
-  // `training`: RootSIFT rows. Deterministic for a seed.
-  Vocabulary(const DescriptorBlock& training, const RetrievalOptions& options, uint64_t seed, int threads,
-             const CancelToken& cancel);
-  int size() const { return words_; }
-  int Word(const int16_t* descriptor) const;
-
- private:
-  struct Node {
-    int first_child = -1;  // children are consecutive
-    int children = 0;
-    int word = -1;
-  };
-  std::vector<Node> nodes_;
-  std::vector<int16_t> centres_;  // nodes x 128
-  int words_ = 0;
 };
 
 struct RetrievalHit {
@@ -52,29 +29,29 @@ struct RetrievalHit {
   float score = 0;  // cosine similarity of tf-idf vectors, 0 to 1
 };
 
-// An inverted file over documents (views). Memory: 8 bytes a distinct word and document.
+// An inverted file over the documents of one or more parts, numbered one after another in their order. Its own memory:
+// 4 bytes a document, besides that of lists that are no mapped file.
 class RetrievalIndex {
  public:
-  explicit RetrievalIndex(const Vocabulary& vocabulary)
-      : vocabulary_(vocabulary), postings_(static_cast<size_t>(vocabulary.size())) {}
-  // Documents are numbered in the order added.
-  void Add(const DescriptorBlock& descriptors);
-  // Weights and norms; call once after the last Add.
-  void Finish();
-  // Best `k` documents, best first, ties by number.
-  std::vector<RetrievalHit> Query(const DescriptorBlock& descriptors, int k) const;
-  int size() const { return documents_; }
-  size_t MemoryBytes() const;
+  RetrievalIndex(std::shared_ptr<const Vocabulary> vocabulary, std::vector<WordLists> parts);
+  // Best `k` documents, best first, ties by number. `wanted`, one flag a document: of these alone; empty: of all.
+  std::vector<RetrievalHit> Query(const DescriptorBlock& descriptors, int k,
+                                  const std::vector<char>& wanted = {}) const;
+  int size() const { return static_cast<int>(inverse_norms_.size()); }
+  int words() const { return vocabulary_->size(); }
+  const std::string& Name(int document) const;
+  size_t MemoryBytes() const;  // with that of the lists
 
  private:
-  struct Posting {
-    int document;
-    float weight;
-  };
-  const Vocabulary& vocabulary_;
-  std::vector<std::vector<Posting>> postings_;
+  std::shared_ptr<const Vocabulary> vocabulary_;
+  std::vector<WordLists> parts_;
+  std::vector<size_t> first_;  // document of each part
   std::vector<float> idf_;
-  int documents_ = 0;
+  std::vector<float> inverse_norms_;
 };
+
+// In memory, of documents whose descriptors are read twice.
+RetrievalIndex IndexInMemory(int documents, const DescriptorsOf& descriptors, const CodebookOptions& options,
+                             uint64_t seed, int threads, const CancelToken& cancel);
 
 }  // namespace trigpoint

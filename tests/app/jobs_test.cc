@@ -216,5 +216,23 @@ TEST(PlanJobs, UnknownNamesComeWithTheNearest) {
   EXPECT_THAT(MessageOf<OptionError>([&] { StageNamed("lokalize"); }), testing::HasSubstr("unknown stage 'lokalize'"));
 }
 
+// Each part but the first reads the first one's result; whoever reads the stage reads all parts.
+TEST_F(JobsTest, PartsWaitForTheFirstOne) {
+  StageInfo parts = ToyStage("parts", {}, false, false);
+  parts.parts = [](const Project&) { return std::vector<std::string>{"000of002", "001of002"}; };
+  StageInfo reader = ToyStage("reader", {"parts"}, true, false);
+  std::vector<Job> jobs;
+  for (const std::string& part : parts.parts(project_)) {
+    jobs.push_back({&parts, {}});
+    jobs.back().target.part = part;
+  }
+  jobs.push_back({&reader, {"run1", "", {}}});
+  EXPECT_EQ(jobs[1].Title(), "parts@001of002");
+  const std::vector<JobNeeds> needs = NeedsOf(project_, jobs);
+  EXPECT_THAT(needs[0].needs, ElementsAre());
+  EXPECT_THAT(needs[1].needs, ElementsAre(0));
+  EXPECT_THAT(needs[2].needs, ElementsAre(0, 1));
+}
+
 }  // namespace
 }  // namespace trigpoint

@@ -1,9 +1,10 @@
 // Image retrieval with many wrong panoramas beside the right ones:
 //   retrieval_distractors LOT_A LOT_A_TRUTH [--distractors 500] [--width 2048] [--features 3000] [--words N]
-//                         [--threads 0] [--cache FILE]
+//                         [--threads 0] [--work FOLDER]
 // Puts the views of synthetic street panoramas beside those of the site's own, retrieves the views of every image of
 // run1 by the product's own function, and prints which share of the images has the right panoramas among the best
-// ten, the time of a query and the memory. FILE keeps all descriptors for the next time.
+// ten, the time of a query and the memory. The lists of visual words are files, one for 125 panoramas; those that are
+// in FOLDER are not made again, so that a second call's memory is that of the queries.
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -11,8 +12,9 @@
 #include <chrono>
 #include <cstdio>
 #include <ctime>
-#include <fstream>
+#include <filesystem>
 #include <map>
+#include <memory>
 #include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -22,7 +24,7 @@
 #include "datasets/io/site.h"
 #include "datasets/io/views.h"
 #include "localize/reconstruct/features.h"
-#include "localize/references/registration.h"
+#include "localize/references/view_retrieval.h"
 #include "tests/synthetic/distractors.h"
 
 namespace trigpoint {
@@ -54,33 +56,72 @@ std::vector<FeatureSet> ViewFeatures(const cv::Mat& grey, const FeatureOptions& 
   return features;
 }
 
-// Descriptors of groups of pictures whose numbers are known: number of rows, then the rows, picture by picture.
-using Groups = std::vector<std::vector<FeatureSet>>;
+constexpr int kPerPart = 125;
 
-bool ReadCache(const std::string& file, Groups* groups) {
-  std::ifstream in(file, std::ios::binary);
-  for (std::vector<FeatureSet>& group : *groups) {
-    for (FeatureSet& picture : group) {
-      int32_t rows = 0;
-      if (!in.read(reinterpret_cast<char*>(&rows), sizeof rows) || rows < 0) return false;
-      picture.descriptors = cv::Mat::zeros(rows, 128, CV_8U);
-      if (rows > 0 && !in.read(reinterpret_cast<char*>(picture.descriptors.data), rows * 128L)) return false;
-    }
-  }
-  return true;
-}
+// The views of the site's panoramas and of the distractors, in this order, as lists of words in files.
+class Parts {
+ public:
+  Parts(std::vector<std::filesystem::path> own, const DistractorOptions& distractor, const FeatureOptions& feature,
+        std::filesystem::path folder)
+      : own_(std::move(own)), distractor_(distractor), feature_(feature), folder_(std::move(folder)) {}
 
-void WriteCache(const std::string& file, const Groups& groups) {
-  std::ofstream out(file, std::ios::binary);
-  for (const std::vector<FeatureSet>& group : groups) {
-    for (const FeatureSet& picture : group) {
-      const int32_t rows = picture.descriptors.rows;
-      out.write(reinterpret_cast<const char*>(&rows), sizeof rows);
-      if (rows > 0) out.write(reinterpret_cast<const char*>(picture.descriptors.data), rows * 128L);
-    }
+  std::shared_ptr<const ViewIndex> Make(int distractors, const CodebookOptions& options, int threads) {
+    const std::filesystem::path codebook = folder_ / "codebook.bin";
+    if (!std::filesystem::exists(codebook)) Train(options, threads).Write(codebook);
+    const auto vocabulary = std::make_shared<const Vocabulary>(Vocabulary::Read(codebook));
+    const int own = static_cast<int>(own_.size());
+    std::vector<WordLists> parts = {Part(0, own, *vocabulary, threads)};
+    for (int first = 0; first < distractors; first += kPerPart)
+      parts.push_back(Part(own + first, std::min(kPerPart, distractors - first), *vocabulary, threads));
+    ViewIndex index{RetrievalIndex(vocabulary, std::move(parts)), {}};
+    for (int d = 0; d < index.words.size(); ++d) index.views.emplace_back(d / kViews, d % kViews);
+    return std::make_shared<const ViewIndex>(std::move(index));
   }
-  if (!out.flush()) throw IoError(file + ": cannot be written");
-}
+
+  static constexpr int kViews = 8;
+
+ private:
+  std::vector<FeatureSet> FeaturesOf(int panorama) const {
+    if (panorama < static_cast<int>(own_.size()))
+      return ViewFeatures(LoadPicture(own_[static_cast<size_t>(panorama)], true), feature_);
+    cv::Mat grey;
+    const auto seed = 1000 + static_cast<uint64_t>(panorama) - own_.size();
+    cv::cvtColor(MakeDistractorPanorama(distractor_, seed, 1), grey, cv::COLOR_BGR2GRAY);
+    return ViewFeatures(grey, feature_);
+  }
+  // As for a site in parts: on 32 of its pictures.
+  Vocabulary Train(const CodebookOptions& options, int threads) const {
+    constexpr int kPictures = 32;
+    std::vector<std::vector<FeatureSet>> pictures(kPictures);
+    ParallelFor(kPictures, threads, {},
+                [&](int64_t i) { pictures[static_cast<size_t>(i)] = FeaturesOf(static_cast<int>(i)); });
+    const auto descriptors = [&](int d) {
+      return DescriptorBlock(pictures[static_cast<size_t>(d / kViews)][static_cast<size_t>(d % kViews)].descriptors);
+    };
+    return TrainVocabulary(kPictures * kViews, descriptors, options, 1, threads, {});
+  }
+  WordLists Part(int first, int count, const Vocabulary& vocabulary, int threads) const {
+    const std::filesystem::path file = folder_ / ("words_" + std::to_string(first) + "_" + std::to_string(count));
+    if (!std::filesystem::exists(file)) {
+      std::vector<std::vector<WordCounts>> words(static_cast<size_t>(count));
+      ParallelFor(count, threads, {}, [&](int64_t i) {
+        for (const FeatureSet& view : FeaturesOf(first + static_cast<int>(i)))
+          words[static_cast<size_t>(i)].push_back(CountWords(vocabulary, DescriptorBlock(view.descriptors)));
+      });
+      WordListBuilder builder(vocabulary.size());
+      for (const std::vector<WordCounts>& panorama : words) {
+        for (const WordCounts& view : panorama) builder.Add(view);
+      }
+      WriteWordLists(std::move(builder).Finish(), vocabulary, file);
+    }
+    return MapWordLists(file, vocabulary);
+  }
+
+  std::vector<std::filesystem::path> own_;
+  DistractorOptions distractor_;
+  FeatureOptions feature_;
+  std::filesystem::path folder_;
+};
 
 // Of every image and every panorama within 12 m of it: is the panorama among the best ten panoramas (views)?
 struct Recall {
@@ -126,24 +167,44 @@ Recall MeasureRecall(const Retrieval& found, const Run& run, const Trajectory& c
   return recall;
 }
 
+std::vector<FeatureSet> ImageFeatures(const Run& run, const FeatureOptions& options, int threads) {
+  std::vector<FeatureSet> features(run.images.size());
+  ParallelFor(static_cast<int64_t>(features.size()), threads, {}, [&](int64_t i) {
+    const auto k = static_cast<size_t>(i);
+    features[k] = DescriptorsOnly(ExtractFeatures(LoadGrey(run, run.images[k]), {}, options));
+  });
+  return features;
+}
+
+void Print(const Recall& recall) {
+  const auto percent = [](int n, int of) { return of > 0 ? 100.0 * n / of : 0.0; };
+  std::printf("images within 12 m of a panorama: %d (%d pairs)\n", recall.near_images, recall.pairs);
+  std::printf("nearest panorama among the best 10 panoramas: %.1f %% of images\n",
+              percent(recall.nearest, recall.near_images));
+  std::printf("any panorama within 12 m among the best 10 panoramas: %.1f %% of images\n",
+              percent(recall.any, recall.near_images));
+  std::printf("every pair: panorama among the best 10 panoramas: %.1f %%, among the best 10 views: %.1f %%\n",
+              percent(recall.in_panoramas, recall.pairs), percent(recall.in_views, recall.pairs));
+}
+
 int Main(int argc, char** argv) {
   CLI::App app("Image retrieval with many wrong panoramas beside the right ones");
-  std::string site_dir, truth_dir, cache;
+  std::string site_dir, truth_dir, work;
   int distractors = 500, threads = 0;
   DistractorOptions distractor;
   FeatureOptions feature;
-  RetrievalOptions retrieval;
+  CodebookOptions codebook;
   app.add_option("site", site_dir, "site with run1 and panoramas")->required();
   app.add_option("truth", truth_dir, "its truth: panoramas.tum, runs/run1_cameras.tum")->required();
   app.add_option("--distractors", distractors, "panoramas of other streets");
   app.add_option("--width", distractor.width, "of their pictures, px");
   app.add_option("--features", feature.max_features, "at most, a view or image");
-  app.add_option("--words", retrieval.words, "of the codebook");
+  app.add_option("--words", codebook.words, "of the codebook");
   app.add_option("--threads", threads, "of the extraction; queries are timed on one");
-  app.add_option("--cache", cache, "keeps all descriptors for the next time");
+  app.add_option("--work", work, "folder for the lists of words")->required();
   CLI11_PARSE(app, argc, argv);
   cv::setNumThreads(1);
-  const CancelToken cancel;
+  std::filesystem::create_directories(work);
 
   const Site site = ReadSite(site_dir);
   const Run run = ReadRun(std::filesystem::path(site_dir) / "runs" / "run1", site_dir);
@@ -153,74 +214,35 @@ int Main(int argc, char** argv) {
   }
   const Trajectory cameras = ReadTrajectory(std::filesystem::path(truth_dir) / "runs" / "run1_cameras.tum");
 
-  std::vector<const Reference*> panoramas;
-  for (const Reference& reference : site.references) {
-    if (reference.kind == ReferenceKind::kPanorama) panoramas.push_back(&reference);
-  }
-  // The site's panoramas, the distractors, and last the images; each panorama has its eight views.
-  const size_t own = panoramas.size(), documents = own + static_cast<size_t>(distractors);
-  Groups groups(documents, std::vector<FeatureSet>(8));
-  groups.emplace_back(run.images.size());
-  std::vector<FeatureSet>& images = groups.back();
-  const Clock::time_point start = Clock::now();
-  if (cache.empty() || !ReadCache(cache, &groups)) {
-    ParallelFor(static_cast<int64_t>(documents + images.size()), threads, cancel, [&](int64_t k) {
-      const size_t i = static_cast<size_t>(k);
-      if (i < own) {
-        groups[i] = ViewFeatures(LoadPicture(panoramas[i]->files.front(), true), feature);
-      } else if (i < documents) {
-        cv::Mat grey;
-        cv::cvtColor(MakeDistractorPanorama(distractor, 1000 + i - own, 1), grey, cv::COLOR_BGR2GRAY);
-        groups[i] = ViewFeatures(grey, feature);
-      } else {
-        images[i - documents] = DescriptorsOnly(ExtractFeatures(LoadGrey(run, run.images[i - documents]), {}, feature));
-      }
-    });
-    if (!cache.empty()) WriteCache(cache, groups);
-  }
   LocalizeInput input;
+  std::vector<std::filesystem::path> own;
   std::vector<int> station;  // of the site's own panoramas
-  size_t features[2] = {0, 0};
-  for (size_t i = 0; i < documents; ++i) {
-    ReferenceViews& r = input.references.emplace_back();
-    r.name = i < own ? panoramas[i]->name : "distractor";
-    r.rig = PanoramaViews(r.name, i < own ? 4096 : distractor.width, {});
-    for (const FeatureSet& view : groups[i]) features[i < own ? 0 : 1] += static_cast<size_t>(view.descriptors.rows);
-    if (i >= own) continue;
-    const std::string& name = panoramas[i]->station;
-    station.push_back(std::stoi(name.substr(name.find_first_of("0123456789"))));
+  for (const Reference& reference : site.references) {
+    if (reference.kind != ReferenceKind::kPanorama) continue;
+    own.push_back(reference.files.front());
+    station.push_back(std::stoi(reference.station.substr(reference.station.find_first_of("0123456789"))));
   }
-  std::printf("%zu panoramas and %zu images of the site, %d distractors: features in %.0f s\n", own, images.size(),
-              distractors, SecondsSince(start));
-  std::printf("features a view: the site's %.0f, distractors' %.0f\n",
-              static_cast<double>(features[0]) / static_cast<double>(8 * own),
-              static_cast<double>(features[1]) / std::max(1, 8 * distractors));
-
+  const Clock::time_point start = Clock::now();
+  const auto index = Parts(own, distractor, feature, work).Make(distractors, codebook, threads);
+  std::printf("%zu panoramas of the site, %d distractors: %d views, %d words, lists of %.1f MiB, in %.0f s\n",
+              own.size(), distractors, index->words.size(), index->words.words(),
+              static_cast<double>(index->words.MemoryBytes()) / 1048576.0, SecondsSince(start));
+  input.references.resize(own.size() + static_cast<size_t>(distractors));
+  input.view_index = [&] { return index; };
+  const std::vector<FeatureSet> images = ImageFeatures(run, feature, threads);
   for (size_t i = 0; i < images.size(); ++i) input.images.push_back({run.images[i].stamp_ns, run.images[i].file});
-  input.image_features = [&](int i) { return images[i]; };
-  input.view_features = [&](int r, int v) { return groups[r][v]; };
+  input.image_features = [&](int i) { return images[static_cast<size_t>(i)]; };
+  RetrievalOptions retrieval;
   retrieval.top_k = 400;
+  retrieval.most_references = 1000000;  // the region is not asked for: one query an image
   TaskTimes times;
-  const Retrieval found = RetrieveViews(input, retrieval, true, 1, 1, times, cancel);
+  const Retrieval found = RetrieveViews(input, {}, retrieval, 30, true, 1, 1, times, {});
   const double query_ms = 1e3 * times.CpuSince("retrieval") / static_cast<double>(images.size());
-  const double build_s = times.CpuSince("codebook") - times.CpuSince("retrieval");
-
-  const Recall recall = MeasureRecall(found, run, cameras, station, places);
-  const auto percent = [](int n, int of) { return of > 0 ? 100.0 * n / of : 0.0; };
-  std::printf("documents %zu, words %d, codebook and index %.1f CPU-seconds, index %.1f MiB\n", 8 * documents,
-              found.words, build_s, found.memory_mib);
-  std::printf("images within 12 m of a panorama: %d (%d pairs)\n", recall.near_images, recall.pairs);
-  std::printf("nearest panorama among the best 10 panoramas: %.1f %% of images\n",
-              percent(recall.nearest, recall.near_images));
-  std::printf("any panorama within 12 m among the best 10 panoramas: %.1f %% of images\n",
-              percent(recall.any, recall.near_images));
-  std::printf("every pair: panorama among the best 10 panoramas: %.1f %%, among the best 10 views: %.1f %%\n",
-              percent(recall.in_panoramas, recall.pairs), percent(recall.in_views, recall.pairs));
+  Print(MeasureRecall(found, run, cameras, station, places));
   std::printf("query: %.2f CPU-ms an image (words and ranking, without SIFT)\n", query_ms);
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
-  std::printf("peak memory of this program, all descriptors held: %.0f MiB\n",
-              static_cast<double>(usage.ru_maxrss) / 1024);
+  std::printf("peak memory of this program: %.0f MiB\n", static_cast<double>(usage.ru_maxrss) / 1024);
   return 0;
 }
 

@@ -1,8 +1,13 @@
 // Retrieval: a picture of the same spots comes first, whatever the number of threads.
 #include "localize/references/retrieval.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <functional>
+
+#include "tests/datasets/io_temp_dir.h"
 #include "tests/localize/test_scene.h"
 
 namespace trigpoint {
@@ -20,21 +25,13 @@ DescriptorBlock Picture(uint64_t first, uint64_t picture) {
 
 TEST(Retrieval, FindsThePlace) {
   constexpr int kPlaces = 40;
-  RetrievalOptions options;
+  CodebookOptions options;
   options.words = 1000;
-  DescriptorBlock training;
-  std::vector<DescriptorBlock> documents;
-  for (uint64_t p = 0; p < kPlaces; ++p) {
-    documents.push_back(Picture(1000 * p, p));
-    for (int i = 0; i < documents.back().size(); ++i) training.Append(documents.back(), i);
-  }
+  const auto descriptors = [](int p) { return Picture(1000 * static_cast<uint64_t>(p), static_cast<uint64_t>(p)); };
   std::vector<std::vector<RetrievalHit>> answers;
   for (int threads : {1, 2}) {
-    const Vocabulary vocabulary(training, options, 1, threads, {});
-    EXPECT_GT(vocabulary.size(), 300);
-    RetrievalIndex index(vocabulary);
-    for (const DescriptorBlock& d : documents) index.Add(d);
-    index.Finish();
+    const RetrievalIndex index = IndexInMemory(kPlaces, descriptors, options, 1, threads, {});
+    EXPECT_GT(index.words(), 300);
     EXPECT_EQ(index.size(), kPlaces);
     int first = 0;
     for (uint64_t p = 0; p < kPlaces; ++p) {
@@ -57,14 +54,91 @@ TEST(Retrieval, FindsThePlace) {
 }
 
 TEST(Retrieval, APictureOfNothingHasNoPlace) {
-  DescriptorBlock training = Picture(0, 1);
-  RetrievalOptions options;
+  CodebookOptions options;
   options.words = 64;
-  const Vocabulary vocabulary(training, options, 1, 1, {});
-  RetrievalIndex index(vocabulary);
-  index.Add(training);
-  index.Finish();
+  const RetrievalIndex index = IndexInMemory(1, [](int) { return Picture(0, 1); }, options, 1, 1, {});
   EXPECT_TRUE(index.Query(DescriptorBlock(), 5).empty());
+}
+
+class RetrievalFiles : public testing::Test {
+ protected:
+  RetrievalFiles() {
+    vocabulary_.Write(dir_ / "codebook.bin");
+    for (int part = 0; part < 3; ++part) WriteWordLists(Part(part), vocabulary_, File(part));
+  }
+  static DescriptorBlock PictureOf(int place) {
+    return Picture(1000 * static_cast<uint64_t>(place), static_cast<uint64_t>(place));
+  }
+  static CodebookOptions Options() {
+    CodebookOptions options;
+    options.words = 500;
+    return options;
+  }
+  // Every third picture; the last part has none.
+  WordLists Part(int part) const {
+    WordListBuilder builder(vocabulary_.size());
+    for (int p = part; p < kPlaces && part < 2; p += 2)
+      builder.Add(CountWords(vocabulary_, PictureOf(p)), "place " + std::to_string(p));
+    return std::move(builder).Finish();
+  }
+  std::filesystem::path File(int part) const { return dir_ / (std::to_string(part) + ".bin"); }
+  std::string Damage(const std::function<void(std::string*)>& how) {
+    std::ifstream in(File(0), std::ios::binary);
+    std::string bytes((std::istreambuf_iterator<char>(in)), {});
+    how(&bytes);
+    const std::filesystem::path file = dir_ / "damaged.bin";
+    std::ofstream(file, std::ios::binary) << bytes;
+    try {
+      RetrievalIndex(std::make_shared<const Vocabulary>(vocabulary_), {MapWordLists(file, vocabulary_)});
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "";
+  }
+
+  static constexpr int kPlaces = 20;
+  TempDir dir_;
+  Vocabulary vocabulary_ = TrainVocabulary(kPlaces, PictureOf, Options(), 1, 1, {});
+};
+
+// Parts that are mapped from files give what one index in memory gives, whatever is in which part.
+TEST_F(RetrievalFiles, PartsOnDiskAnswerAsOneInMemory) {
+  auto vocabulary = std::make_shared<const Vocabulary>(Vocabulary::Read(dir_ / "codebook.bin"));
+  EXPECT_EQ(vocabulary->Fingerprint(), vocabulary_.Fingerprint());
+  std::vector<WordLists> parts;
+  for (int part = 0; part < 3; ++part) parts.push_back(MapWordLists(File(part), *vocabulary));
+  const RetrievalIndex mapped(vocabulary, std::move(parts));
+  const RetrievalIndex whole = IndexInMemory(kPlaces, PictureOf, Options(), 1, 1, {});
+  ASSERT_EQ(mapped.size(), kPlaces);
+  for (int p = 0; p < kPlaces; ++p) {
+    const DescriptorBlock query = Picture(1000 * static_cast<uint64_t>(p), 700 + static_cast<uint64_t>(p));
+    const std::vector<RetrievalHit> a = mapped.Query(query, 3), b = whole.Query(query, 3);
+    ASSERT_FALSE(b.empty());
+    EXPECT_EQ(mapped.Name(a.front().document), "place " + std::to_string(b.front().document));
+    EXPECT_NEAR(a.front().score, b.front().score, 1e-5);
+    std::vector<char> others(kPlaces, 1);
+    others[static_cast<size_t>(a.front().document)] = 0;
+    for (const RetrievalHit& hit : mapped.Query(query, kPlaces, others)) EXPECT_NE(hit.document, a.front().document);
+  }
+}
+
+TEST_F(RetrievalFiles, DamagedListsAreRefused) {
+  EXPECT_EQ(Damage([](std::string*) {}), "");
+  EXPECT_THAT(Damage([](std::string* s) { s->resize(20); }), testing::HasSubstr("too short"));
+  EXPECT_THAT(Damage([](std::string* s) { s->pop_back(); }), testing::HasSubstr("another length"));
+  EXPECT_THAT(Damage([](std::string* s) { s->front() = 'x'; }), testing::HasSubstr("another format"));
+  EXPECT_THAT(Damage([](std::string* s) { (*s)[40] ^= 1; }), testing::HasSubstr("another codebook"));
+  EXPECT_THAT(Damage([](std::string* s) { (*s)[64] = '\xff'; }), testing::HasSubstr("overlap"));
+  // The first posting names a document that is not there.
+  const size_t postings = 56 + 8 * (static_cast<size_t>(vocabulary_.size()) + 1);
+  EXPECT_THAT(Damage([&](std::string* s) { (*s)[postings + 3] = '\x7f'; }), testing::HasSubstr("not there"));
+}
+
+TEST_F(RetrievalFiles, ADamagedCodebookIsRefused) {
+  const std::filesystem::path file = dir_ / "codebook.bin";
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) - 1);
+  EXPECT_THROW(Vocabulary::Read(file), InputError);
+  EXPECT_THROW(Vocabulary::Read(dir_ / "none.bin"), InputError);
 }
 
 }  // namespace

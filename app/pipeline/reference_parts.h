@@ -1,0 +1,41 @@
+// The references of a large site are looked at in parts, each a result of its own: many machines can make them, and
+// one panorama more costs one part. A small site has one part.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "app/pipeline/stages.h"
+#include "localize/reconstruct/kept_features.h"
+#include "localize/references/vocabulary.h"
+
+namespace trigpoint {
+
+struct ReferenceOptions : FeatureStageOptions {
+  CodebookOptions codebook;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& self, Visitor&& visit) {
+    FeatureStageOptions::Visit(self, visit);
+    visit(self.codebook, {"codebook", "", 0, 0, "visual words of the views"});
+  }
+  std::vector<std::string> Check() const { return CheckRanges(*this); }
+};
+
+// How the panoramas' views are drawn.
+ViewOptions ViewOptionsOf(const Project& project);
+
+// Names of the parts: "", or "000of004" and so on. A reference belongs to one by its name alone, so that others may
+// come and go; the number of parts doubles where the site outgrows it.
+std::vector<std::string> ReferenceParts(const Site& site);
+// The site with the references of a part alone.
+Site SiteOfPart(Site site, const std::string& part);
+// The part of half as many that a part was cut from.
+std::string ParentPart(const std::string& part);
+
+// The folders and manifests of all parts' results.
+std::vector<std::filesystem::path> ReferenceResults(const Project& project);
+std::vector<std::filesystem::path> ReferenceManifests(const Project& project);
+
+}  // namespace trigpoint
