@@ -18,8 +18,8 @@ struct RetrievalOptions {
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.top_k, {"top_k", "", 1, 1000, "most similar views kept of each image"});
     visit(self.most_references, {"most_references", "references", 1, 1000000,
-                                 "references that a run is tested with; of more, those where its images or GPS place "
-                                 "it"});
+                                 "most references a run is tested with; if there are more: those near its GPS, or in "
+                                 "the region that its images resemble"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };
@@ -29,8 +29,8 @@ struct RetrievalHit {
   float score = 0;  // cosine similarity of tf-idf vectors, 0 to 1
 };
 
-// An inverted file over the documents of one or more parts, numbered one after another in their order. Its own memory:
-// 4 bytes a document, besides that of lists that are no mapped file.
+// An inverted file over the documents of one or more parts, numbered one after another in their order. It takes 4 bytes
+// a document; the lists take memory only where they are not mapped from a file.
 class RetrievalIndex {
  public:
   RetrievalIndex(std::shared_ptr<const Vocabulary> vocabulary, std::vector<WordLists> parts);

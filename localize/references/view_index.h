@@ -16,7 +16,7 @@ namespace trigpoint {
 constexpr const char* kCodebookFile = "codebook.bin";
 constexpr const char* kWordsFile = "words.bin";
 
-// Documents that are none of the input's views are passed over.
+// A document that is no view of the input (a panorama excluded by the review) is never an answer.
 struct ViewIndex {
   RetrievalIndex words;
   std::vector<std::pair<int, int>> views;  // of each document: reference, view; reference -1: none of the input's
