@@ -241,7 +241,10 @@ class Runner:
         if code not in (0, 1, 3):
             result["verdict"] = "crashed"
             return result
-        named = any(re.search(w, line, re.I) for w in words for line in [*warnings, *said.splitlines(), gates])
+        told = [*warnings, *(line for line in said.splitlines() if line.startswith("error:"))]
+        if gates:
+            told += [f"{g['name']} {g['message']}" for g in json.loads(gates)["gates"] if g["verdict"] != "passed"]
+        named = any(re.search(w, line, re.I) for w in words for line in told)
         if code == 1:
             result["verdict"] = "refused" if not fault or named else "unnamed"
         else:

@@ -5,7 +5,7 @@ import numpy as np
 
 import faults
 from faults import LOCALIZE, SURVEY, Fault
-from site_files import NotApplicable, turn
+from site_files import NotApplicable, station_number, turn
 
 
 def combination(index):
@@ -15,22 +15,26 @@ def combination(index):
     fitting = [f for f in faults.FAULTS if f.commands == commands or (commands == SURVEY and f.group == "odometry")]
     chosen = draw.sample(fitting, draw.choice([1, 2, 2, 3]))
 
+    made = Fault(" + ".join(f.name for f in chosen), "combination", None, None, commands, True)
+
     def apply(project):
-        done = 0
+        done = []
         for f in chosen:
             try:
                 f.apply(project)
-                done += 1
+                done.append(f)
             except NotApplicable:
                 continue
-            except (ValueError, IndexError, KeyError, FileNotFoundError, OSError):
-                continue  # the file is no longer one of this kind, by the faults before
-        if done == 0:
+            except (ValueError, IndexError, KeyError, OSError):
+                if not done:
+                    raise
+                # The file is no longer one of this kind, by the faults before.
+        if not done:
             raise NotApplicable("none of them")
+        made.cause = "|".join(f.cause for f in done if f.cause) or None
 
-    causes = [f.cause for f in chosen]
-    cause = None if None in causes and len(causes) == 1 else "|".join(c for c in causes if c) or None
-    return Fault(" + ".join(f.name for f in chosen), "combination", apply, cause, commands, True)
+    made.apply = apply
+    return made
 
 
 def variation(index, truth):
@@ -47,7 +51,8 @@ def variation(index, truth):
 
         def geotags(table):
             for row in table:
-                at = truth.panoramas.get(row.get("station", "").lstrip("S"), truth.panoramas.get(row.get("station", "")))
+                station = station_number(row.get("station", ""))
+                at = truth.panoramas.get(station)
                 if at is None or not row.get("sigma_h_m"):
                     continue
                 sigma_h, sigma_v = float(row["sigma_h_m"]), float(row["sigma_v_m"])
@@ -55,7 +60,7 @@ def variation(index, truth):
                 move = wanted - truth.earth.enu(row)
                 faults.earth_m([row], move[0], move[1])
                 row["height_m"] = f"{float(row['height_m']) + move[2]:.3f}"
-                attitude = truth.attitudes.get(row.get("station", "").lstrip("S"))
+                attitude = truth.attitudes.get(station)
                 if attitude is None or not row.get("sigma_heading_deg"):
                     continue
                 sigmas = [float(row["sigma_heading_deg"]), *[float(row["sigma_tilt_deg"])] * 2]

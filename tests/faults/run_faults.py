@@ -7,12 +7,14 @@
 
 Verdicts: right (a result within its sigmas, nothing new said), warned (within its sigmas, with a warning), withheld (no
 position on the Earth, with the cause), refused (exit 1 naming the cause, without a result). Failures: FALSE (a position
-outside three of its stated sigmas, whatever the exit code), unnamed (refused or withheld without the cause), crashed.
+outside three of its stated sigmas, whatever the exit code), unnamed (refused or withheld without the cause), silent
+(exit 0 without a result), crashed. --json keeps what was said and found; --table judges it again.
 --combinations draws one to three faults at once, --variations good projects (other stretches, noise and geotags), of
 which few may be warned of or refused; both begin at --first. --json is written after every fault; --resume goes on with it.
 """
 import argparse
 import concurrent.futures
+import copy
 import csv
 import hashlib
 import json
@@ -29,11 +31,16 @@ import numpy as np
 
 import draws
 import faults
-from site_files import NotApplicable, Project, copy_links, rotation
+from site_files import NotApplicable, Project, copy_links, rotation, station_number
 
 GOOD = ("right", "warned", "withheld", "refused")
 GATE = 3.0  # stated sigmas
-ROUNDING_M = 0.005  # of what the truth is written in
+ROUNDING_M = 0.0005  # of what results and truth are written in
+# Said whenever nothing is localized or georeferenced, whatever the cause.
+ALWAYS_SAID = (r"they show other places, or the run is wrong|"
+               r"; check units, clocks and order of odometry and images, and the calibration; column reason of \S+ has the cause|"
+               r"none of \d+ panoramas? (and|or) photos? is localized|"
+               r"; of \d+ panoramas and photos \d+ are localized and have a geotag, and \d+ GPS fixes lie at the images' times")
 
 
 def rows_of(path):
@@ -68,6 +75,10 @@ class Earth:
         return self.rotation @ (place - self.origin)
 
 
+def by_station(values):
+    return {station_number(name): value for name, value in values.items()}
+
+
 class Truth:
     def __init__(self, folder, site, run):
         self.cameras, self.panoramas, self.tags, self.attitudes = {}, {}, {}, {}
@@ -79,16 +90,28 @@ class Truth:
         for name in (f"runs/{run}_cameras.tum", f"{run}_cameras.tum"):
             if (folder / name).exists():
                 self.cameras = self.poses(folder / name)
-        for name in ("panoramas.tum", "photos.tum"):
+        # The second: where a panorama's lenses stand apart, the truth is that of the run's lens.
+        for name in ("panoramas.tum", f"panoramas_{run}.tum"):
             if (folder / name).exists():
-                self.panoramas.update(self.poses(folder / name))
-                self.attitudes.update(self.attitudes_of(folder / name))
+                self.panoramas.update(by_station(self.poses(folder / name)))
+                self.attitudes.update(by_station(self.attitudes_of(folder / name)))
         # A picture was taken where it was taken, whatever a faulty table says of it.
-        table = site / "panoramas.csv"
-        self.stations = {row["file"]: row.get("station", "") for row in rows_of(table)} if table.exists() else {}
+        tables = [site / name for name in ("panoramas.csv", "photos.csv") if (site / name).exists()]
+        self.stations = {row["file"]: row.get("station", "") for table in tables for row in rows_of(table)}
         if (folder / "tags.csv").exists():
             for row in rows_of(folder / "tags.csv"):
                 self.tags[row["tag_id"]] = np.array([float(row[k]) for k in "xyz"])
+        for name, needed, there in (("cameras", True, self.cameras), ("panoramas", self.stations, self.panoramas),
+                                    ("tags", (site / "tags.yaml").exists(), self.tags)):
+            if needed and not there:
+                raise SystemExit(f"{folder}: expected the truth of {name}, found none")
+        unknown = [s for s in self.stations.values() if s and station_number(s) not in self.panoramas]
+        if unknown:
+            raise SystemExit(f"{folder}: expected the panoramas' truth for each station, found none for {', '.join(unknown)}")
+
+    def panorama(self, row):
+        """Where a panorama was taken, whatever station a faulty table gives it; None where that is not known."""
+        return self.panoramas.get(station_number(self.stations.get(row["panorama"], row["station"])))
 
     def camera(self, row):
         """Where a picture was taken, whatever time a faulty list gives it; None where that is not known."""
@@ -124,15 +147,29 @@ class Positions:
     """What a result states, against the truth."""
 
     def __init__(self):
-        self.count, self.outside, self.worst, self.largest_m, self.squares = 0, 0, 0.0, 0.0, 0.0
+        self.count, self.outside, self.worst, self.largest_m, self.squares, self.unknown = 0, 0, 0.0, 0.0, 0.0, 0
 
-    def add(self, error, sigma):
-        self.squares += float(np.mean((np.asarray(error) / np.maximum(sigma, 1e-9)) ** 2))
-        off = sigmas_off(error, sigma)
+    def add(self, found, truth, sigma):
+        if truth is None:
+            self.unknown += 1
+            return
+        error, sigma = np.asarray(found) - truth, np.asarray(sigma)
+        self.squares += float(np.mean((error / np.maximum(sigma, 1e-9)) ** 2))
+        off = sigmas_off(error, sigma) if np.isfinite([*error, *sigma]).all() else math.inf
         self.count += 1
         self.outside += int(off > GATE)
         self.worst = max(self.worst, off)
         self.largest_m = max(self.largest_m, float(np.linalg.norm(error)))
+
+
+def numbers(row, *keys):
+    """NaN for what the program left empty."""
+    return [float(row[k] or "nan") for k in keys]
+
+
+def place_of(row, truth):
+    latitude, longitude, height = numbers(row, "latitude_deg", "longitude_deg", "height_m")
+    return truth.earth.enu({"latitude_deg": latitude, "longitude_deg": longitude, "height_m": height})
 
 
 def judge_localize(project, run, truth, positions):
@@ -141,14 +178,10 @@ def judge_localize(project, run, truth, positions):
     if not manifest["metrics"].get("on_earth"):
         return manifest["metrics"].get("earth_reason") or "not georeferenced"
     for row in rows_of(folder / "cameras.csv"):
-        at = truth.camera(row)
-        if at is not None and row.get("latitude_deg"):
-            positions.add(truth.earth.enu(row) - at, [float(row[f"sigma_{k}_m"]) for k in "enu"])
+        positions.add(place_of(row, truth), truth.camera(row), numbers(row, *(f"sigma_{k}_m" for k in "enu")))
     for row in rows_of(folder / "panoramas.csv"):
-        station = truth.stations.get(row["panorama"], row["station"])
-        at = truth.panoramas.get(station.lstrip("S"), truth.panoramas.get(station))
-        if row["status"] == "localized" and at is not None and row.get("latitude_deg"):
-            positions.add(truth.earth.enu(row) - at, [float(row[f"sigma_{k}_m"]) for k in "xyz"])
+        if row["status"] == "localized":
+            positions.add(place_of(row, truth), truth.panorama(row), numbers(row, *(f"sigma_{k}_m" for k in "xyz")))
     return ""
 
 
@@ -157,16 +190,41 @@ def judge_survey(project, truth, positions):
     if "frame=enu" not in header_of(folder / "tags.csv"):
         return "not georeferenced"
     for row in rows_of(folder / "tags.csv"):
-        if row["tag_id"] in truth.tags and row["x"]:
-            error = np.array([float(row[k]) for k in "xyz"]) - truth.tags[row["tag_id"]]
-            positions.add(error, [float(row[f"sigma_{k}_m"]) for k in "xyz"])
+        if row["x"]:  # else it was not seen
+            positions.add(numbers(row, *"xyz"), truth.tags.get(row["tag_id"]), numbers(row, *(f"sigma_{k}_m" for k in "xyz")))
     return ""
 
 
-def warnings_of(text):
-    """Warnings without their numbers, as those differ from run to run."""
-    lines = [line for line in text.splitlines() if re.search(r"warning", line, re.I)]
-    return {re.sub(r"[0-9.]+", "0", line) for line in lines}, lines
+def without_numbers(line):
+    return re.sub(r"[0-9.]+", "0", line)
+
+
+def messages_of(text):
+    """Errors and warnings: what tells a user of a fault. Progress and paths do not."""
+    return [line for line in text.splitlines() if re.match(r"(warning|error|trigpoint): ", line)]
+
+
+def names_cause(record, cause):
+    said = "\n".join([*record["messages"], record.get("withheld", "")])
+    return cause is not None and re.search(cause, re.sub(ALWAYS_SAID, "", said), re.I) is not None
+
+
+def verdict_of(record, cause):
+    """Of what a fault led to. `cause`: a regular expression, or None where nothing has to be said."""
+    named, code = names_cause(record, cause), record["exit"]
+    if code < 0 or code > 3:
+        return "crashed"
+    if not record["result"] and code != 0:
+        return "refused" if named else "unnamed"
+    if record.get("outside", 0) > 0:
+        return "FALSE"
+    if record.get("withheld"):
+        return "withheld" if named else "unnamed"
+    if not record["result"] or record["count"] == 0:
+        return "silent"
+    if code != 0:
+        return "warned" if named else "unnamed"
+    return "warned" if record["messages"] else "right"
 
 
 class Runner:
@@ -218,11 +276,12 @@ class Runner:
             code, said = self.commands(self.base, names)
             if code != 0:
                 raise SystemExit(f"the good project fails: {said}")
-            self.baseline[names[-1]] = warnings_of(said)[0]
-            verdict = self.judge(self.base, names, code, said, None)
-            print("good:", names[-1], verdict, flush=True)
-            if verdict["verdict"] not in ("right", "warned"):
-                raise SystemExit("the good project is not judged right")
+            said = said.replace(str(self.base), "")
+            good = self.observe(self.base, names, code, said, self.truth)
+            print("good:", names[-1], good, flush=True)
+            if verdict_of(good, None) not in ("right", "warned") or good["unknown"]:
+                raise SystemExit("the good project is not judged right, or has positions without truth")
+            self.baseline[names[-1]] = {without_numbers(line) for line in messages_of(said)}
         for stage in ("localize", "survey"):
             shutil.rmtree(self.base / "results" / stage, ignore_errors=True)
 
@@ -243,37 +302,21 @@ class Runner:
         files = {"localize": f"localize/{self.run}/manifest.json", "survey": "survey/tags.csv"}
         return [name for name in names if name in files and (project / "results" / files[name]).exists()]
 
-    def judge(self, project, names, code, said, fault):
-        cause = fault.cause if fault else None
-        names_cause = cause is not None and re.search(cause, said, re.I) is not None
-        last = [line for line in said.strip().splitlines() if line][-1:]
-        result = {"exit": code, "said": (last or [""])[0][-400:]}
-        if code < 0 or code > 3:
-            return {**result, "verdict": "crashed"}
+    def observe(self, project, names, code, said, truth):
+        """What a fault led to, as --json keeps it."""
+        old = self.baseline.get(names[-1], set())
+        messages = [line for line in messages_of(said) if without_numbers(line) not in old]
         made = self.results_of(project, names)
-        if code != 0 and not made:
-            return {**result, "verdict": "refused" if names_cause else "unnamed"}
-        positions, withheld = Positions(), ""
+        record = {"exit": code, "result": bool(made), "messages": messages}
+        positions = Positions()
         if "localize" in made:
-            withheld = judge_localize(project, self.run, self.truth, positions)
+            record["withheld"] = judge_localize(project, self.run, truth, positions)
         if "survey" in made:
-            withheld = judge_survey(project, self.truth, positions) or withheld
-        result.update(count=positions.count, outside=positions.outside, worst_sigmas=round(float(positions.worst), 2),
-                      largest_m=round(positions.largest_m, 3),
+            record["withheld"] = judge_survey(project, truth, positions) or record.get("withheld", "")
+        record.update(count=positions.count, outside=positions.outside, unknown=positions.unknown,
+                      worst_sigmas=round(float(positions.worst), 2), largest_m=round(positions.largest_m, 3),
                       mean_square=round(positions.squares / max(1, positions.count), 3))
-        new, lines = warnings_of(said)
-        new -= self.baseline.get(names[-1], set())
-        if new:
-            result["said"] = [line for line in lines if re.sub(r"[0-9.]+", "0", line) in new][-1][-400:]
-        if positions.outside > 0:
-            return {**result, "verdict": "FALSE"}
-        if withheld:
-            result["said"] = withheld
-            named = cause is None or re.search(cause, said + withheld, re.I)
-            return {**result, "verdict": "withheld" if named else "unnamed"}
-        if code != 0:
-            return {**result, "verdict": "warned" if names_cause else "unnamed"}
-        return {**result, "verdict": "warned" if new else "right"}
+        return record
 
     def one(self, index, fault):
         folder = self.work / f"{index:03}"
@@ -284,7 +327,7 @@ class Runner:
             shutil.rmtree(folder, ignore_errors=True)  # of a run that was stopped
             copy_links(self.base, folder)
             project = Project(folder, self.run)
-            project.init = False
+            project.init, project.site, project.truth = False, self.site, copy.deepcopy(self.truth)
             fault.apply(project)
             said, code = "", 0
             if project.init:
@@ -292,7 +335,9 @@ class Runner:
             if code == 0:
                 code, more = self.commands(folder, fault.commands)
                 said += more
-            result.update(self.judge(folder, fault.commands, code, said.replace(str(folder), ""), fault))
+            said = said.replace(str(folder), "")
+            result.update(self.observe(folder, fault.commands, code, said, project.truth))
+            result["verdict"] = verdict_of(result, fault.cause)
         except NotApplicable as e:
             result.update(verdict="not applicable", said=str(e))
         except subprocess.TimeoutExpired:
@@ -325,9 +370,10 @@ class Runner:
                 results.append(result)
                 record.write(results)
                 mark = " " if result["verdict"] in (*GOOD, "not applicable") else "!"
-                numbers = "".join(f" {k}={result[k]}" for k in ("outside", "worst_sigmas", "largest_m") if k in result)
-                print(f"{mark} {result['verdict']:9} {result['group']}: {result['fault']}{numbers}\n"
-                      f"      {result.get('said', '')}", flush=True)
+                figures = "".join(f" {k}={result[k]}" for k in ("count", "outside", "worst_sigmas", "largest_m") if k in result)
+                said = [result.get("said") or result.get("withheld") or "", *result.get("messages", [])]
+                print(f"{mark} {result['verdict']:9} {result['group']}: {result['fault']}{figures}\n"
+                      + "".join(f"      {line[:400]}\n" for line in said if line), end="", flush=True)
         return results
 
 
@@ -341,6 +387,8 @@ class Record:
         self.made_of = {"program": hashlib.sha256(pathlib.Path(options.program).read_bytes()).hexdigest(),
                         "site": str(pathlib.Path(options.site).resolve())}
         self.made_of.update({k: getattr(options, k) for k in ("run", "every", "features")})
+        sources = sorted(pathlib.Path(__file__).parent.glob("*.py"))
+        self.made_of["suite"] = hashlib.sha256(b"".join(file.read_bytes() for file in sources)).hexdigest()
         self.known = {}
         if options.resume and self.path and self.path.exists():
             data = json.loads(self.path.read_text())
@@ -371,7 +419,12 @@ def write_table(path, files):
     sets = []
     for file in files:
         data = json.loads(pathlib.Path(file).read_text())
-        sets.append((data["name"], {(r["group"], r["fault"]): r for r in data["results"]}))
+        results = {(r["group"], r["fault"]): r for r in data["results"]}
+        for fault in faults.FAULTS:
+            record = results.get((fault.group, fault.name))
+            if record and "messages" in record:
+                record["verdict"] = verdict_of(record, fault.cause)
+        sets.append((data["name"], results))
     lines = [pathlib.Path(__file__).with_name("page.md").read_text().rstrip(), ""]
     lines += ["| data | " + " | ".join([*GOOD, "failed"]) + " |", "|---|" + "---|" * (len(GOOD) + 1)]
     for name, results in sets:
@@ -434,6 +487,9 @@ def main():
         f"{sum(r['verdict'] == v for r in results)} {v}" for v in (*GOOD, "not applicable")) + f", {len(bad)} failed")
     if options.variations:
         print(squares_text([r["mean_square"] for r in results if r.get("count")]))
+    if all(r["verdict"] == "not applicable" for r in results):
+        print("expected faults to plant, found none: see --only", file=sys.stderr)
+        return 2
     return 1 if bad else 0
 
 

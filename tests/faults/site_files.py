@@ -3,6 +3,7 @@ import csv
 import math
 import os
 import pathlib
+import re
 
 import numpy as np
 
@@ -49,8 +50,6 @@ class Project:
     def __init__(self, folder, run):
         self.dir = pathlib.Path(folder)
         self.run = self.dir / "runs" / run
-        self.commands = None  # a fault may ask for others
-        self.results = []  # names of runs whose result is judged; empty: `run`
 
     def path(self, name):
         """A file of the run, else of the site."""
@@ -157,6 +156,11 @@ class Project:
 def tum_row(stamp, t, r):
     q = quaternion(r)
     return f"{stamp} " + " ".join(f"{v:.9f}" for v in [*t, *q])
+
+
+def station_number(name):
+    """A station as tables and truth write it: S057, S57, 57."""
+    return re.sub(r"^S?0*(?=.)", "", name)
 
 
 def copy_links(source, target):
