@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 #include <thread>
 
 #include "app/cli/batch_list.h"
@@ -21,9 +22,9 @@ struct BatchArguments {
   std::vector<std::string> words;  // LIST, or an action and what it is for
   std::string out;
   BatchSettings settings;
-  bool engine_given = false;
-  bool wait = false;   // for Slurm
-  bool retry = false;  // of a task
+  std::set<std::string> given;  // options that the command line names
+  bool wait = false;            // for Slurm
+  bool retry = false;           // of a task
 };
 
 std::vector<TaskRecord> ReadRecords(const BatchPlan& plan, const fs::path& folder) {
@@ -100,8 +101,15 @@ std::string Command(const char* action, const fs::path& folder) {
 }
 
 void WaitForSlurm(const Session& session, const BatchPlan& plan) {
-  while (SlurmQueued(plan) > 0) {
+  constexpr int kPatience_s = 600;  // for a controller that does not answer
+  for (int failed = 0;;) {
     session.cancel->ThrowIfCancelled();
+    try {
+      if (SlurmQueued(plan) == 0) return;
+      failed = 0;
+    } catch (const IoError&) {
+      if (++failed > kPatience_s) throw;
+    }
     std::this_thread::sleep_for(std::chrono::seconds(1));
   }
 }
@@ -134,6 +142,11 @@ fs::path DefaultFolder(const fs::path& list) {
   return fs::is_regular_file(list) ? list.parent_path() / (list.stem().string() + "-batch") : "trigpoint-batch";
 }
 
+// Tasks run in another folder than the command.
+std::string ImageFrom(const std::string& container) {
+  return container.empty() || container.find("://") != std::string::npos ? container : fs::absolute(container).string();
+}
+
 int Begin(const Session& session, const BatchArguments& arguments) {
   const std::string& list = arguments.words.front();
   const std::vector<BatchEntry> entries = ReadBatchList(list);
@@ -143,6 +156,7 @@ int Begin(const Session& session, const BatchArguments& arguments) {
   if (settings.engine == "slurm") settings.threads = std::max(1, settings.threads);
   if (!settings.memory.empty()) ParseMemory("--memory", settings.memory);
   ParseMemory("--task-memory", settings.task_memory);
+  settings.container = ImageFrom(settings.container);
   RequireBatchFolder(folder);
   std::error_code ignored;
   if (fs::exists(folder / "batch.json", ignored)) RequireNothingQueued(ReadBatchPlan(folder), folder);
@@ -154,11 +168,26 @@ int Begin(const Session& session, const BatchArguments& arguments) {
 int Resume(const Session& session, const BatchArguments& arguments, const fs::path& folder) {
   BatchPlan plan = ReadBatchPlan(folder);
   RequireNothingQueued(plan, folder);
-  if (arguments.engine_given) {
-    plan.settings.engine = arguments.settings.engine;
-    plan.submitted.clear();
-  }
-  if (session.options.threads > 0) plan.settings.threads = session.options.threads;
+  const BatchSettings& now = arguments.settings;
+  BatchSettings& then = plan.settings;
+  const auto take = [&](const char* option, auto member) {
+    if (arguments.given.count(option) > 0) then.*member = now.*member;
+  };
+  take("--engine", &BatchSettings::engine);
+  take("--jobs", &BatchSettings::jobs);
+  take("--memory", &BatchSettings::memory);
+  take("--task-memory", &BatchSettings::task_memory);
+  take("--task-minutes", &BatchSettings::task_minutes);
+  take("--partition", &BatchSettings::partition);
+  take("--account", &BatchSettings::account);
+  take("--container", &BatchSettings::container);
+  take("--sbatch", &BatchSettings::sbatch);
+  then.container = ImageFrom(then.container);
+  if (!then.memory.empty()) ParseMemory("--memory", then.memory);
+  ParseMemory("--task-memory", then.task_memory);
+  plan.submitted.clear();
+  if (session.options.threads > 0) then.threads = session.options.threads;
+  if (then.engine == "slurm") then.threads = std::max(1, then.threads);
   return Execute(session, folder, plan, arguments.wait);
 }
 
@@ -175,11 +204,13 @@ int Cancel(const Session& session, const fs::path& folder) {
     }
   } else {
     const std::vector<std::string> states = StatesOfTasks(plan, ReadRecords(plan, folder));
-    if (std::find(states.begin(), states.end(), "running") != states.end())
-      WriteFileAtomically(folder / kCancelFile, "");
-    constexpr int kTries = 300;
-    for (int i = 0; i < kTries && fs::exists(folder / kCancelFile); ++i)
+    const auto any = [&](const char* state) { return std::find(states.begin(), states.end(), state) != states.end(); };
+    // Between two tasks none runs; one who runs the batch takes the file away.
+    if (any("running") || any("waiting")) WriteFileAtomically(folder / kCancelFile, "");
+    const int tries = any("running") ? 300 : 50;
+    for (int i = 0; i < tries && fs::exists(folder / kCancelFile); ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    fs::remove(folder / kCancelFile);
   }
   Show(session, folder, plan, "Batch cancelled", Command("resume", folder));
   return 0;
@@ -220,8 +251,7 @@ void AddOptions(CLI::App& command, BatchArguments* a) {
       ->expected(1, 3);
   command.add_option("--engine", s.engine, "local: this machine; slurm: a cluster, through sbatch")
       ->check(CLI::IsMember({"local", "slurm"}))
-      ->capture_default_str()
-      ->each([a](const std::string&) { a->engine_given = true; });
+      ->capture_default_str();
   command.add_option("--out", a->out, "where the summary goes; default: beside the list, <list>-batch");
   command.add_option("--jobs", s.jobs, "local: number of tasks that run at the same time; 0: one per core")
       ->check(CLI::Range(0, 1024))
@@ -244,6 +274,8 @@ void AddOptions(CLI::App& command, BatchArguments* a) {
                      "slurm: image that Apptainer runs the tasks in (docs/guides/cluster.md)");
   command.add_option("--sbatch", s.sbatch, "slurm: a further option of sbatch, --sbatch=--qos=low (several times)")
       ->allow_extra_args(false);
+  for (CLI::Option* option : command.get_options())
+    option->each([a, name = option->get_name()](const std::string&) { a->given.insert(name); });
   command.add_flag("--wait", a->wait, "slurm: end when all tasks have ended");
   command.add_flag("--retry", a->retry)->group("");
 }

@@ -147,7 +147,8 @@ std::vector<BatchEntry> ReadBatchList(const std::string& list) {
   std::vector<BatchEntry> entries;
   std::set<std::string> names;
   if (IsPattern(list) && !fs::exists(list)) {
-    for (const fs::path& dir : Matching(list)) Add(dir, {}, {}, &entries, &names);
+    const fs::path shown = fs::path(list).is_absolute() ? fs::path() : fs::current_path();
+    for (const fs::path& dir : Matching(list)) Add(fs::absolute(dir).lexically_normal(), shown, {}, &entries, &names);
     if (entries.empty()) throw InputError(list + ": no folder matches");
     return entries;
   }

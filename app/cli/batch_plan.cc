@@ -224,6 +224,34 @@ void AddCosts(const TaskRecord& record, BatchResult* result, json* stage) {
   (*stage)["attempts"] = record.attempts.size();
 }
 
+// Each task behind those that it waits for: entries of a project share tasks, which later ones may join.
+void SortTasks(BatchPlan* plan) {
+  const size_t count = plan->tasks.size();
+  std::vector<size_t> order, place(count, count);
+  while (order.size() < count) {
+    const size_t before = order.size();
+    for (size_t i = 0; i < count; ++i) {
+      const std::vector<size_t>& after = plan->tasks[i].after;
+      const bool ready = std::all_of(after.begin(), after.end(), [&](size_t k) { return place[k] < count; });
+      if (place[i] < count || !ready) continue;
+      place[i] = order.size();
+      order.push_back(i);
+    }
+    if (order.size() == before) throw InputError("batch: tasks wait for each other");
+  }
+  const auto renumber = [&](std::vector<size_t>* ids) {
+    for (size_t& id : *ids) id = place[id];
+  };
+  std::vector<BatchTask> sorted;
+  for (const size_t i : order) sorted.push_back(std::move(plan->tasks[i]));
+  plan->tasks = std::move(sorted);
+  for (BatchTask& task : plan->tasks) {
+    renumber(&task.needs);
+    renumber(&task.after);
+  }
+  for (PlannedEntry& entry : plan->entries) renumber(&entry.tasks);
+}
+
 }  // namespace
 
 Job JobOf(const BatchTask& task) { return {&StageNamed(task.stage), task.target}; }
@@ -242,6 +270,7 @@ BatchPlan MakeBatchPlan(const Session& session, const std::vector<BatchEntry>& e
   plan.settings = settings;
   Planner planner(session, &plan);
   for (const BatchEntry& entry : entries) planner.Add(entry);
+  SortTasks(&plan);
   EstimateNeeds(&plan);
   return plan;
 }
@@ -260,6 +289,7 @@ void WriteBatchPlan(const BatchPlan& plan, const fs::path& folder) {
   WriteFileAtomically(PlanFile(folder), DumpJson({{"schema", kPlanSchema},
                                                   {"settings", JsonOf(plan.settings)},
                                                   {"submitted", plan.submitted},
+                                                  {"summary_job", plan.summary_job},
                                                   {"entries", entries},
                                                   {"tasks", tasks}},
                                                  1) +
@@ -277,6 +307,7 @@ BatchPlan ReadBatchPlan(const fs::path& folder) {
     BatchPlan plan;
     plan.settings = SettingsFrom(j.at("settings"));
     plan.submitted = j.at("submitted").get<std::vector<std::string>>();
+    plan.summary_job = j.value("summary_job", "");
     for (const json& e : j.at("entries")) {
       plan.entries.push_back({{e.at("name"), e.at("dir").get<std::string>(), e.at("arguments")},
                               e.at("error"),
@@ -381,7 +412,9 @@ BatchResult ResultOfEntry(const BatchPlan& plan, const std::vector<TaskRecord>& 
     result.stages[k]["task"] = id;
     AddCosts(records[id], &result, &result.stages[k]);
     const bool failed = states[id] == "failed" || states[id] == "killed" || states[id] == "lost";
-    if (failed && result.error.empty()) result.error = plan.tasks[id].title + ": " + records[id].reason;
+    const std::string reason =
+        records[id].attempts.empty() ? "did not begin; the folder logs may show why" : records[id].reason;
+    if (failed && result.error.empty()) result.error = plan.tasks[id].title + ": " + reason;
   }
   if (counts["running"] + counts["queued"] > 0) {
     result.status = counts["running"] > 0 ? "running" : "waiting";

@@ -51,7 +51,8 @@ struct BatchPlan {
   BatchSettings settings;
   std::vector<PlannedEntry> entries;
   std::vector<BatchTask> tasks;
-  std::vector<std::string> submitted;  // jobs of Slurm
+  std::vector<std::string> submitted;  // array jobs of Slurm
+  std::string summary_job;             // the one behind them that writes the summary
 };
 
 // An attempt at a task, as written by whoever made it.
@@ -112,9 +113,9 @@ void RunBatchLocally(const Session& session, const std::filesystem::path& folder
 // Throws InputError if jobs of the batch are in Slurm's queue.
 void RequireNothingQueued(const BatchPlan& plan, const std::filesystem::path& folder);
 // Submits every task that is not done to Slurm, and a job that writes the summary behind them. Returns the number of
-// array jobs.
+// groups of tasks.
 size_t SubmitToSlurm(const std::filesystem::path& folder, BatchPlan plan);
-// The state of every task: its record's end, "running", "queued", or "lost" if it has begun and nobody runs it.
+// The state of every task: its record's end, "running", "queued", or "lost" if nobody runs it any more.
 std::vector<std::string> SlurmStates(const BatchPlan& plan, const std::vector<TaskRecord>& records);
 // How many jobs of the batch are in Slurm's queue.
 size_t SlurmQueued(const BatchPlan& plan);

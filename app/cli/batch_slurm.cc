@@ -82,6 +82,10 @@ std::vector<Group> GroupsOf(const BatchPlan& plan, const std::vector<TaskRecord>
     group.tasks.push_back(i);
     group.after.insert(after.begin(), after.end());
     group.memory_bytes = std::max(group.memory_bytes, task.memory_bytes > 0 ? task.memory_bytes : unmeasured);
+    // What was not enough is not tried again; the second attempt has twice as much.
+    const std::vector<TaskAttempt>& attempts = records[i].attempts;
+    if (!attempts.empty() && (records[i].out_of_memory || attempts.back().ended.empty()))
+      group.memory_bytes = std::max(group.memory_bytes, attempts.back().memory_bytes);
     const double minutes =
         task.seconds > 0 ? kTimeFloor_min + kTimeFactor * task.seconds / 60 : plan.settings.task_minutes;
     group.minutes = std::max(group.minutes, minutes);
@@ -90,11 +94,52 @@ std::vector<Group> GroupsOf(const BatchPlan& plan, const std::vector<TaskRecord>
   return groups;
 }
 
+// The most that a task can be given: more is refused, or waits for ever.
+struct Limits {
+  int64_t mib = 0;     // 0: not known
+  double minutes = 0;  // 0: none
+};
+
+// Of Slurm's "1-12:00:00", "60:00", "30"; 0: no limit.
+double MinutesOf(const std::string& text) {
+  int days = 0, a = 0, b = 0, c = 0;
+  const size_t dash = text.find('-');
+  const std::string time = dash == std::string::npos ? text : text.substr(dash + 1);
+  if (dash != std::string::npos) days = static_cast<int>(ParseInt(text.substr(0, dash)).value_or(0));
+  const int fields = std::sscanf(time.c_str(), "%d:%d:%d", &a, &b, &c);
+  if (fields < 1) return 0;
+  const double hours = fields == 3 || dash != std::string::npos ? a : 0, minutes = fields == 3 ? b : hours > 0 ? 0 : a;
+  return 1440.0 * days + 60 * hours + minutes;
+}
+
+// The largest of all nodes of the partition, of the default one if none is named.
+Limits LimitsOf(const BatchSettings& settings, const fs::path& folder) {
+  const auto elsewhere = [](const std::string& o) { return o.starts_with("--partition") || o.starts_with("-p"); };
+  const bool any = std::any_of(settings.sbatch.begin(), settings.sbatch.end(), elsewhere);
+  Limits most;
+  bool unlimited = false;
+  const std::string nodes = Slurm({"sinfo", "-h", "-N", "-o", "%P %m %l"}, "", folder);
+  for (const std::string_view line : Lines(nodes)) {
+    const auto fields = SplitFields(line);
+    if (fields.size() < 3) continue;
+    std::string name(fields[0]);
+    const bool is_default = name.ends_with('*');
+    if (is_default) name.pop_back();
+    if (!any && (settings.partition.empty() ? !is_default : name != settings.partition)) continue;
+    most.mib = std::max(most.mib, ParseInt(fields[1]).value_or(0));
+    const double minutes = MinutesOf(std::string(fields[2]));
+    unlimited = unlimited || minutes == 0;
+    most.minutes = std::max(most.minutes, minutes);
+  }
+  if (unlimited) most.minutes = 0;
+  return most;
+}
+
 class Submission {
  public:
-  Submission(const BatchPlan& plan, fs::path folder) : plan_(plan), folder_(std::move(folder)) {
+  Submission(BatchPlan* plan, fs::path folder) : plan_(*plan), folder_(std::move(folder)) {
     program_ = fs::read_symlink("/proc/self/exe").string();
-    most_memory_ = MostMemory();
+    limits_ = LimitsOf(plan_.settings, folder_);
   }
 
   // What an array may hold, at most.
@@ -120,23 +165,12 @@ class Submission {
       for (size_t i = 0; i < groups->size(); ++i) all.insert(i);
       SubmitSummary(Behind(*groups, all));
     } catch (const Error&) {
-      for (const std::string& job : jobs_) Slurm({"scancel", job}, "", folder_);
+      CancelInSlurm(plan_);
       throw;
     }
   }
-  const std::vector<std::string>& jobs() const { return jobs_; }
 
  private:
-  // The largest memory of a node, MiB: more than that is refused.
-  int64_t MostMemory() const {
-    std::vector<std::string> words = {"sinfo", "-h", "-N", "-o", "%m"};
-    if (!plan_.settings.partition.empty()) words.insert(words.end(), {"-p", plan_.settings.partition});
-    int64_t most = 0;
-    const std::string memory = Slurm(words, "", folder_);
-    for (const std::string_view line : Lines(memory)) most = std::max(most, ParseInt(Trim(line)).value_or(0));
-    return most;
-  }
-
   static std::string Behind(const std::vector<Group>& groups, const std::set<size_t>& after) {
     std::string text;
     for (const size_t g : after) text += ":" + groups[g].job + ":" + groups[g].retry;
@@ -176,26 +210,32 @@ class Submission {
     const int threads = std::max(1, s.threads);
     const double factor = retry ? kMoreMemory : 1;
     int64_t mib = static_cast<int64_t>(std::ceil(factor * static_cast<double>(group.memory_bytes) / (1 << 20)));
-    if (retry && most_memory_ > 0) mib = std::max(std::min(mib, most_memory_), mib / static_cast<int64_t>(kMoreMemory));
+    if (limits_.mib > 0) mib = std::min(mib, limits_.mib);
+    double minutes = std::ceil(factor * group.minutes);
+    if (minutes == 0 && retry) minutes = limits_.minutes;  // what it ran out of may have been the partition's default
+    if (limits_.minutes > 0) minutes = std::min(minutes, limits_.minutes);
     std::vector<std::string> words = Common(stage + (retry ? "-retry" : ""), dependency);
     words.push_back(fmt::format("--array=0-{}", group.tasks.size() - 1));
     words.push_back(fmt::format("--cpus-per-task={}", threads));
     words.push_back(fmt::format("--mem={}M", mib));
-    if (group.minutes > 0) words.push_back(fmt::format("--time={:.0f}", std::ceil(factor * group.minutes)));
+    if (minutes > 0) words.push_back(fmt::format("--time={:.0f}", minutes));
     if (retry) words.push_back("--kill-on-invalid-dep=yes");  // goes when nothing failed
     words.push_back("--output=" + (folder_ / "logs" / "slurm_%A_%a.log").string());
     const std::string script = fmt::format(
         "#!/bin/bash\ntasks=({})\nexec {} batch task {} \"${{tasks[$SLURM_ARRAY_TASK_ID]}}\" --threads {}{}\n",
         fmt::join(group.tasks, " "), Program(), ShellWord(folder_.string()), threads, retry ? " --retry" : "");
-    return SubmitScript(words, script);
+    plan_.submitted.push_back(SubmitScript(words, script));
+    WriteBatchPlan(plan_, folder_);  // so that it can be cancelled, whatever becomes of this process
+    return plan_.submitted.back();
   }
 
   void SubmitSummary(const std::string& dependency) {
     std::vector<std::string> words = Common("summary", dependency);
     words.push_back("--output=" + (folder_ / "logs" / "slurm_%A.log").string());
-    words.push_back("--mem=" + plan_.settings.task_memory);
-    SubmitScript(
+    words.push_back("--mem=1024M");
+    plan_.summary_job = SubmitScript(
         words, fmt::format("#!/bin/bash\nexec {} batch status {} --verbose\n", Program(), ShellWord(folder_.string())));
+    WriteBatchPlan(plan_, folder_);
   }
 
   std::string SubmitScript(const std::vector<std::string>& words, const std::string& script) {
@@ -203,22 +243,20 @@ class Submission {
     id = id.substr(id.rfind('\n') + 1);  // behind warnings
     id = id.substr(0, id.find(';'));     // of a federation's cluster
     if (!ParseInt(id)) throw IoError("sbatch: expected the number of a job, found: " + id);
-    jobs_.push_back(id);
     return id;
   }
 
-  const BatchPlan& plan_;
+  BatchPlan& plan_;
   fs::path folder_;
   std::string program_;
-  int64_t most_memory_ = 0;
-  std::vector<std::string> jobs_;
+  Limits limits_;
 };
 
-// Jobs of the batch in the queue, the one that writes the summary not among them: {"12_3", "RUNNING"}.
+// Array jobs of the batch in the queue: {"12_3", "RUNNING"}.
 std::vector<std::pair<std::string, std::string>> Queue(const BatchPlan& plan) {
   std::vector<std::pair<std::string, std::string>> queue;
   if (plan.submitted.empty()) return queue;
-  const std::set<std::string> ours(plan.submitted.begin(), plan.submitted.end() - 1);
+  const std::set<std::string> ours(plan.submitted.begin(), plan.submitted.end());
   const std::string states = Slurm({"squeue", "-h", "-r", "--me", "-o", "%i %T"}, "", {});
   for (const std::string_view line : Lines(states)) {
     const auto fields = SplitFields(line);
@@ -249,11 +287,12 @@ size_t SubmitToSlurm(const fs::path& folder, BatchPlan plan) {
   // What killed processes left in the results goes while nobody writes there.
   for (const fs::path& dir : projects) Project::Open(dir).Lock();
   fs::create_directories(folder / "logs");
-  Submission submission(plan, folder);
+  plan.submitted.clear();
+  plan.summary_job.clear();
+  WriteBatchPlan(plan, folder);
+  Submission submission(&plan, folder);
   std::vector<Group> groups = GroupsOf(plan, records, submission.LargestArray());
   if (!groups.empty()) submission.Submit(&groups);
-  plan.submitted = submission.jobs();
-  WriteBatchPlan(plan, folder);
   return groups.size();
 }
 
@@ -272,7 +311,7 @@ std::vector<std::string> SlurmStates(const BatchPlan& plan, const std::vector<Ta
       // One that was ended from outside waits for its second attempt, or to be requeued.
       states.emplace_back(runs ? "running" : queue.empty() ? "lost" : "queued");
     } else {
-      states.emplace_back(queue.empty() ? "waiting" : "queued");
+      states.emplace_back(!queue.empty() ? "queued" : plan.submitted.empty() ? "waiting" : "lost");
     }
   }
   return states;
@@ -282,6 +321,7 @@ void CancelInSlurm(const BatchPlan& plan) {
   if (plan.submitted.empty()) return;
   std::vector<std::string> words = {"scancel", "--quiet"};  // those that have ended are no error
   words.insert(words.end(), plan.submitted.begin(), plan.submitted.end());
+  if (!plan.summary_job.empty()) words.push_back(plan.summary_job);
   Slurm(words, "", {});
 }
 

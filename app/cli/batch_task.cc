@@ -73,7 +73,8 @@ int RunBatchTask(const Session& session, const fs::path& folder, size_t number, 
   if (number >= plan.tasks.size())
     throw OptionError(fmt::format("batch task {}: expected a task below {}", number, plan.tasks.size()));
   TaskRecord record = ReadTaskRecord(folder, number);
-  if (retry && !record.WantsMoreMemory()) return 0;
+  // What has no record did not even begin.
+  if (retry && !record.end.empty() && !record.WantsMoreMemory()) return 0;
   const auto begun = std::chrono::steady_clock::now();
   record.end = "running";
   record.reason = "was ended from outside";  // what is known if nothing else gets written
@@ -96,7 +97,9 @@ int RunBatchTask(const Session& session, const fs::path& folder, size_t number, 
       session.MakeTerminal().Log(LogLevel::kError, plan.tasks[number].title + ": " + record.end + ": " + record.reason);
     return exit_code;
   } catch (const Cancelled& e) {
-    end("cancelled", "was cancelled", e.ExitCode(), false);
+    // Slurm ends tasks so that it preempts or whose time is over: another attempt may follow.
+    const bool by_slurm = !record.attempts.back().job.empty();
+    end(by_slurm ? "running" : "cancelled", by_slurm ? "was ended by Slurm" : "was cancelled", e.ExitCode(), false);
     throw;
   } catch (const Error& e) {
     end("failed", e.what(), e.ExitCode(), dynamic_cast<const MemoryError*>(&e) != nullptr);

@@ -17,7 +17,7 @@ SlurmctldPort={port}
 SlurmUser={user}
 SlurmdUser={user}
 AuthType=auth/munge
-AuthInfo=socket={dir}/munge.socket
+AuthInfo=socket={dir}/munge.socket,cred_expire=10
 CredType=cred/munge
 StateSaveLocation={dir}/state
 SlurmctldPidFile={dir}/slurmctld.pid
@@ -94,9 +94,15 @@ class Cluster:
     def start_node(self, name):
         self.start(name, "slurmd", "-D", "-N", name)
 
-    def run(self, *words):
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
-        return done.stdout if done.returncode == 0 else ""
+    @staticmethod
+    def run(*words):
+        """The output of a program of Slurm. The controller may be busy: it is asked again."""
+        for _ in range(20):
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            if done.returncode == 0:
+                return done.stdout
+            time.sleep(0.5)
+        raise AssertionError(f"{words}: {done.returncode}\n{done.stderr}")
 
     @staticmethod
     def wait_for(condition, what, seconds=60):
@@ -134,15 +140,29 @@ class Cluster:
             pass
         return files
 
-    def lose_node(self, node):
-        """As if its power were cut."""
-        for _ in range(3):
-            for pid in self.processes_of(node):
+    def signal_node(self, node, number):
+        """To everything that runs for a node, also what that starts meanwhile."""
+        reached = set()
+        while new := set(self.processes_of(node)) - reached:
+            for pid in new:
                 try:
-                    os.kill(pid, signal.SIGKILL)
+                    os.kill(pid, number)
                 except ProcessLookupError:
                     pass
+            reached |= new
+
+    def freeze_node(self, node):
+        """Nothing goes on there any more; the controller does not know yet."""
+        self.signal_node(node, signal.SIGSTOP)
+
+    def lose_node(self, node):
+        """As if its power were cut."""
+        self.signal_node(node, signal.SIGKILL)
         self.daemons[node].wait()
+
+    def tell_of_lost_node(self, node):
+        """What the controller finds out by itself after its timeouts."""
+        self.run("scontrol", "update", f"NodeName={node}", "State=DOWN", "Reason=lost")
 
     def stop(self):
         for node in [n for n in self.daemons if n.startswith("node")]:
