@@ -493,10 +493,9 @@ StageInfo CrosscheckStage() {
     request.inputs.push_back(ResultOf(project, "localize", target) / "panoramas.csv");  // as it is now
     if (fs::exists(project.dir() / "models")) request.inputs.push_back(project.dir() / "models");
     if (fs::exists(project.dir() / "estimates")) request.inputs.push_back(project.dir() / "estimates");
-    const ViewOptions views = ViewOptionsOf(project);
     request.values["colmap"] = FindProgram("colmap").string();
     request.body = [=, run = target.run, variant = target.variant](StageContext& context) {
-      Crosscheck(context, run, variant, options, views);
+      Crosscheck(context, run, variant, options, ViewOptionsOf(context.project));
     };
     return request;
   };

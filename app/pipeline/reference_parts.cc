@@ -22,15 +22,29 @@ std::string NameOf(const PartNumber& part) {
 
 PartNumber NumberOf(const std::string& name) {
   PartNumber part;
-  if (!name.empty() && std::sscanf(name.c_str(), "%uof%u", &part.number, &part.count) != 2)
+  if (name.empty()) return part;
+  const bool read = std::sscanf(name.c_str(), "%uof%u", &part.number, &part.count) == 2;
+  if (!read || part.number >= part.count || NameOf(part) != name)
     throw OptionError("there is no part '" + name + "' of the references; expected a name as 003of016");
   return part;
+}
+
+// Names differ in their last letters, which FNV's low bits hardly mix (the finaliser of MurmurHash3).
+uint64_t Mixed(uint64_t hash) {
+  hash = (hash ^ (hash >> 33U)) * 0xff51afd7ed558ccdU;
+  hash = (hash ^ (hash >> 33U)) * 0xc4ceb9fe1a85ec53U;
+  return hash ^ (hash >> 33U);
 }
 
 }  // namespace
 
 ViewOptions ViewOptionsOf(const Project& project) {
-  return ResolveOptions<ReferenceOptions>(project, "references", {}).views;
+  StageTarget first, as_made;
+  first.part = ReferenceParts(project.site()).front();
+  const auto manifest = ReadManifest(project, "references", ResultName(StageNamed("references"), first));
+  if (manifest && manifest->contains("options") && (*manifest)["options"].contains("views"))
+    as_made.overrides["references"]["views"] = (*manifest)["options"]["views"];
+  return ResolveOptions<ReferenceOptions>(project, "references", as_made).views;
 }
 
 std::vector<std::string> ReferenceParts(const Site& site) {
@@ -43,8 +57,9 @@ std::vector<std::string> ReferenceParts(const Site& site) {
 
 Site SiteOfPart(Site site, const std::string& part) {
   const PartNumber its = NumberOf(part);
-  std::erase_if(site.references,
-                [&](const Reference& r) { return Fnv1a(r.name.data(), r.name.size()) % its.count != its.number; });
+  std::erase_if(site.references, [&](const Reference& r) {
+    return Mixed(Fnv1a(r.name.data(), r.name.size())) % its.count != its.number;
+  });
   return site;
 }
 

@@ -23,7 +23,7 @@ struct ReferenceOptions : FeatureStageOptions {
   std::vector<std::string> Check() const { return CheckRanges(*this); }
 };
 
-// How the panoramas' views are drawn.
+// How the panoramas' views were drawn; as the project says where none are.
 ViewOptions ViewOptionsOf(const Project& project);
 
 // Names of the parts: "", or "000of004" and so on. A reference belongs to one by its name alone, so that others may

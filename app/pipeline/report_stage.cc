@@ -9,6 +9,7 @@
 #include "app/pipeline/drawing_memory.h"
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/jobs.h"
+#include "app/pipeline/reference_parts.h"
 #include "app/pipeline/tags_wanted.h"
 #include "calib/base/counted.h"
 #include "calib/base/parallel.h"
@@ -155,6 +156,7 @@ StageInfo ReportStage() {
       RequireDrawingMemory("drawing the report", 800 + 80.0 * ResolveThreads(0));  // threads reserve theirs
       ReportInput its = input;
       its.project = &context.project;
+      its.views = ViewOptionsOf(context.project);
       its.default_gates = DefaultGates(context.project);
       const ReportSummary summary =
           WriteReport(its, options, DisplayUnitNamed(options.units), context.out, context.progress, context.cancel);

@@ -1,6 +1,7 @@
 #include "datasets/io/site.h"
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -56,15 +57,27 @@ void ReadRuns(Site* site, std::vector<std::string>* problems) {
   if (problems == nullptr && site->runs.empty() && first) throw *first;
 }
 
+// A picture belongs to one reference: its features go by its name.
 void Append(std::vector<Reference> more, Site* site) {
+  std::map<std::filesystem::path, std::string> owners;
+  for (const Reference& r : site->references) {
+    for (const std::filesystem::path& file : r.files) owners.emplace(file.lexically_normal(), r.name);
+  }
   for (Reference& reference : more) {
-    const bool taken = std::any_of(site->references.begin(), site->references.end(),
-                                   [&](const Reference& other) { return other.name == reference.name; });
-    if (taken) {
-      site->warnings.push_back("reference '" + reference.name + "' is brought twice; the second is skipped");
-    } else {
-      site->references.push_back(std::move(reference));
+    std::string problem;
+    for (const std::filesystem::path& file : reference.files) {
+      const auto owner = owners.find(file.lexically_normal());
+      if (owner == owners.end()) continue;
+      problem = "reference '" + reference.name + "' is brought twice";
+      if (owner->second != reference.name)
+        problem += ": its picture " + file.string() + " is that of '" + owner->second + "'";
     }
+    if (!problem.empty()) {
+      site->warnings.push_back(problem + "; the second is skipped");
+      continue;
+    }
+    for (const std::filesystem::path& file : reference.files) owners.emplace(file.lexically_normal(), reference.name);
+    site->references.push_back(std::move(reference));
   }
 }
 

@@ -12,7 +12,6 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
-#include "datasets/io/views.h"
 
 namespace trigpoint {
 namespace {
@@ -27,21 +26,6 @@ constexpr size_t kHomographyMatches = 8;
 // BGR of the report's colours.
 const cv::Scalar kYellow(66, 228, 240), kVermilion(0, 94, 213), kGreen(115, 158, 0), kSky(233, 180, 86);
 
-// Which views the references were cut into: the options of their features.
-ViewOptions ViewsOf(const Project& project) {
-  ViewOptions views;
-  const auto manifest =
-      nlohmann::json::parse(ReadTextFile(project.ResultDir("references", "") / "manifest.json"), nullptr, false);
-  if (!manifest.is_object()) return views;
-  const nlohmann::json options =
-      manifest.value("options", nlohmann::json::object()).value("views", nlohmann::json::object());
-  views.count = options.value("count", views.count);
-  views.fov_deg = options.value("fov_deg", views.fov_deg);
-  views.pitch_deg = options.value("pitch_deg", views.pitch_deg);
-  views.size_px = options.value("size_px", views.size_px);
-  return views;
-}
-
 cv::Mat LoadImage(const Run& run, const std::string& name) {
   for (const ImageEntry& entry : run.images) {
     if (entry.file != name) continue;
@@ -50,7 +34,8 @@ cv::Mat LoadImage(const Run& run, const std::string& name) {
   throw InputError("run " + run.name + ": image " + name + " of its matches is not in images.txt any more");
 }
 
-cv::Mat LoadView(const Project& project, const std::string& panorama, const std::string& view) {
+cv::Mat LoadView(const Project& project, const ViewOptions& options, const std::string& panorama,
+                 const std::string& view) {
   for (const Reference& reference : project.site().references) {
     if (reference.name != panorama) continue;
     if (reference.kind == ReferenceKind::kPhotoSet) {
@@ -62,7 +47,7 @@ cv::Mat LoadView(const Project& project, const std::string& panorama, const std:
     }
     if (reference.kind == ReferenceKind::kPhoto) return LoadPicture(reference.files.front(), false);
     const cv::Mat picture = LoadPanorama(reference.files.front(), false);
-    for (const View& v : PanoramaViews(panorama, picture.cols, ViewsOf(project)).views) {
+    for (const View& v : PanoramaViews(panorama, picture.cols, options).views) {
       if (v.name == view) return RenderView(picture, v);
     }
   }
@@ -126,8 +111,9 @@ struct PairDrawing {
 
 }  // namespace
 
-MatchPictures::MatchPictures(const Project& project, const std::string& run, const std::string& result)
-    : project_(project), run_(project.run(run)) {
+MatchPictures::MatchPictures(const Project& project, const std::string& run, const std::string& result,
+                             const ViewOptions& views)
+    : project_(project), run_(project.run(run)), views_(views) {
   const fs::path file = project.ResultDir("localize", result) / "matches.csv";
   if (fs::exists(file)) {
     std::map<std::string, std::map<std::pair<std::string, std::string>, std::vector<Match>>> pairs;
@@ -170,7 +156,7 @@ MatchPictures::MatchPictures(const Project& project, const std::string& run, con
 
 MatchPicture MatchPictures::Draw(const std::string& panorama) {
   const Pair& pair = of_panorama_.at(panorama);
-  const cv::Mat image = LoadImage(run_, pair.image), view = LoadView(project_, panorama, pair.view);
+  const cv::Mat image = LoadImage(run_, pair.image), view = LoadView(project_, views_, panorama, pair.view);
   PairDrawing drawing(image, view);
   std::string outline = "";
   if (pair.matches.size() >= kHomographyMatches) {

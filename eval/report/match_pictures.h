@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "datasets/io/views.h"
 #include "datasets/project/project.h"
 #include "eval/report/document.h"
 
@@ -23,7 +24,7 @@ struct MatchPicture {
 class MatchPictures {
  public:
   // `result`: "run1" or "run1@paper". Throws InputError when the matches cannot be read.
-  MatchPictures(const Project& project, const std::string& run, const std::string& result);
+  MatchPictures(const Project& project, const std::string& run, const std::string& result, const ViewOptions& views);
 
   // Have the matches of this result been kept at all? (Results of older versions have none.)
   bool HasMatches() const { return !of_panorama_.empty(); }
@@ -46,6 +47,7 @@ class MatchPictures {
 
   const Project& project_;
   const Run& run_;
+  ViewOptions views_;
   std::map<std::string, Pair> of_panorama_;  // the pair with the most inliers
   std::map<std::string, int> inliers_;       // of all pairs of a panorama
   std::map<std::string, std::vector<Tag>> tags_;

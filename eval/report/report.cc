@@ -56,7 +56,7 @@ void DrawMatches(ChapterContext* c, const ReportOptions& options, std::vector<st
     if (wanted.empty()) continue;
     const std::string result = run.variant.empty() ? run.run : run.run + "@" + run.variant;
     try {
-      MatchPictures pictures(*c->input.project, run.run, result);
+      MatchPictures pictures(*c->input.project, run.run, result, c->input.views);
       without = without || !pictures.HasMatches();
       for (const std::string& panorama : wanted) {
         cancel.ThrowIfCancelled();

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calib/base/progress.h"
+#include "datasets/io/views.h"
 #include "datasets/project/project.h"
 #include "eval/report/error_run.h"
 
@@ -28,6 +29,7 @@ struct ReportInput {
   const Project* project = nullptr;
   std::vector<std::string> variants = {""};  // results/<stage>/<run>@<variant>
   std::vector<ResultRecord> stages;
+  ViewOptions views;             // how the panoramas' views were drawn
   std::string command;           // that makes the report again
   bool points = true;            // also read each run's sparse model, which takes a while
   nlohmann::json default_gates;  // as gates.json, for a project without gates of its own; else null

@@ -19,7 +19,9 @@ RetrievalIndex::RetrievalIndex(std::shared_ptr<const Vocabulary> vocabulary, std
     size_t with_word = 0;
     for (const WordLists& part : parts_) with_word += part.Of(w).size();
     const float all = static_cast<float>(documents);
-    idf_.push_back(with_word > 0 ? std::log(all / static_cast<float>(with_word)) : 0.0F);
+    // In a single document every word is in all of them.
+    const float idf = documents == 1 ? 1.0F : std::log(all / static_cast<float>(std::max<size_t>(1, with_word)));
+    idf_.push_back(with_word > 0 ? idf : 0.0F);
     for (size_t k = 0; k < parts_.size(); ++k) {
       for (const uint32_t posting : parts_[k].Of(w)) {
         const int document = WordLists::Document(posting);

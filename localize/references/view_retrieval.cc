@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -42,7 +43,7 @@ void AppendBestPhotos(const LocalizeInput& input, const ViewIndex& index, const 
     const ReferenceViews& reference = input.references[static_cast<size_t>(r)];
     const int place = reference.set < 0 ? r : -1 - reference.set;
     const auto [views, fresh] = views_of.try_emplace(place, 0);
-    if (fresh) floor = hit.score;
+    if (fresh && static_cast<int>(views_of.size()) > top_k) floor = hit.score;
     if (OfSet(reference) && ++views->second <= kViewsOfSet) photos.push_back({r, v, hit.score});
   }
   for (const Retrieval::Hit& photo : photos) {
@@ -89,40 +90,71 @@ std::optional<Eigen::Vector2d> PlaceOf(const LocalizeInput& input, const Referen
   return input.frame.EnuFromGeodetic(r.geotag.position).head<2>();
 }
 
-// References that GPS can have been near; those without a place are, too.
+constexpr double kUnknownLength_m = 100;  // of a run, or what is left of it, that has no odometry
+
+// How far the run can have come from each fix, and from the next one, or to its end.
+std::vector<double> Unfixed(const LocalizeInput& input, const std::vector<GpsPlace>& gps) {
+  std::vector<double> path{0};
+  for (size_t k = 1; k < input.odom_from_body.size(); ++k) {
+    path.push_back(path.back() +
+                   (input.odom_from_body[k].translation - input.odom_from_body[k - 1].translation).norm());
+  }
+  const auto between = [&](int a, int b) {
+    return std::abs(path[static_cast<size_t>(b)] - path[static_cast<size_t>(a)]);
+  };
+  const int last = static_cast<int>(path.size()) - 1;
+  std::vector<double> unfixed;
+  for (size_t i = 0; i < gps.size(); ++i) {
+    const bool first = i == 0, final = i + 1 == gps.size();
+    const int before = first ? 0 : gps[i - 1].pose, after = final ? last : gps[i + 1].pose;
+    // Between two fixes one of them is at most half the way off.
+    const double far =
+        std::max((first ? 1 : 0.5) * between(before, gps[i].pose), (final ? 1 : 0.5) * between(gps[i].pose, after));
+    const bool every = gps[i].pose - before <= 1 && after - gps[i].pose <= 1;
+    unfixed.push_back(input.has_odometry ? far : every ? 0 : kUnknownLength_m);
+  }
+  return unfixed;
+}
+
+// References that the run can have been near by GPS; those without a place are, too.
 std::vector<char> NearGps(const LocalizeInput& input, const std::vector<GpsPlace>& gps, double reach_m) {
+  const std::vector<double> unfixed = Unfixed(input, gps);
   std::vector<char> near(input.references.size(), 1);
   for (size_t r = 0; r < near.size(); ++r) {
     const std::optional<Eigen::Vector2d> place = PlaceOf(input, input.references[r]);
     if (!place) continue;
-    near[r] = std::any_of(gps.begin(), gps.end(), [&](const GpsPlace& g) {
-      const double sigma = std::hypot(g.sigma_h_m, input.references[r].geotag.sigma_h_m);
-      return (g.position.head<2>() - *place).norm() < reach_m + 3 * sigma;
-    });
+    near[r] = 0;
+    for (size_t i = 0; i < gps.size() && near[r] == 0; ++i) {
+      const double sigma = std::hypot(gps[i].sigma_h_m, input.references[r].geotag.sigma_h_m);
+      near[r] = (gps[i].position.head<2>() - *place).norm() < reach_m + unfixed[i] + 3 * sigma;
+    }
   }
   return near;
 }
 
 // How much each reference stands out in what the images look like. Most of what is listed is listed by chance: a score
 // counts by how far it exceeds the typical one.
-std::vector<double> VotesOf(const Retrieval& listed, size_t references) {
-  std::vector<double> scores;
+std::vector<double> VotesOf(const Retrieval& listed, const std::vector<ReferenceViews>& references) {
+  // Those of hand-held sets are on a scale of their own.
+  std::array<std::vector<double>, 2> scores;
+  const auto kind = [&](const Retrieval::Hit& h) {
+    return OfSet(references[static_cast<size_t>(h.reference)]) ? 1U : 0U;
+  };
   for (const auto& hits : listed.of_image) {
-    for (const Retrieval::Hit& h : hits) scores.push_back(h.score);
+    for (const Retrieval::Hit& h : hits) scores[kind(h)].push_back(h.score);
   }
-  const double typical = Median(std::move(scores));
-  std::vector<double> votes(references, 0);
+  const std::array<double, 2> typical{Median(std::move(scores[0])), Median(std::move(scores[1]))};
+  std::vector<double> votes(references.size(), 0);
   for (const auto& hits : listed.of_image) {
     for (const Retrieval::Hit& h : hits)
-      votes[static_cast<size_t>(h.reference)] += std::pow(std::max(0.0, h.score - typical), 2);
+      votes[static_cast<size_t>(h.reference)] += std::pow(std::max(0.0, h.score - typical[kind(h)]), 2);
   }
   return votes;
 }
 
 // How far from each other the references of a run can stand: its extent, and the reach to both sides.
 double ExtentOf(const LocalizeInput& input, double reach_m) {
-  constexpr double kUnknown = 100;  // without odometry, a run's length is not known
-  if (!input.has_odometry) return kUnknown;
+  if (!input.has_odometry) return kUnknownLength_m;
   Eigen::AlignedBox3d box;
   for (const Rigid3d& pose : input.odom_from_body) box.extend(pose.translation);
   return box.diagonal().norm() + 2 * reach_m;
@@ -204,7 +236,7 @@ Retrieval RetrieveViews(const LocalizeInput& input, const std::vector<GpsPlace>&
     result.tested = near;
     if (left == 0 || left > most) {
       query();
-      const std::vector<double> votes = VotesOf(result, input.references.size());
+      const std::vector<double> votes = VotesOf(result, input.references);
       result.tested = Highest(Likelihoods(input, votes, reach_m), near, most);
     }
   }

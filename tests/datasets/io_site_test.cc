@@ -577,6 +577,15 @@ TEST_F(SiteTest, Knows360PicturesByWhatTheyState) {
   EXPECT_THAT(MessageOf<InputError>([&] { ReadOne(); }), HasSubstr("twice as wide as high"));
 }
 
+TEST_F(SiteTest, APictureBelongsToOneReference) {
+  Picture("panoramas/a.jpg", 64, 32);
+  Write("panoramas.csv", "file\npanoramas/a.jpg\npanoramas/../panoramas/a.jpg\n");
+  const Site site = ReadSite(dir_.path());
+  ASSERT_EQ(site.references.size(), 1u);
+  EXPECT_EQ(site.references[0].name, "panoramas/a.jpg");
+  EXPECT_THAT(Joined(site.warnings), AllOf(HasSubstr("is brought twice"), HasSubstr("'panoramas/a.jpg'")));
+}
+
 TEST_F(SiteTest, TakesTheCirclesOfADualFisheyeForTwoCameras) {
   const std::string lens =
       "  camera_model: pinhole\n  intrinsics: [15, 15, 23.5, 23.5]\n  distortion_model: equidistant\n"

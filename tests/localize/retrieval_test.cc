@@ -53,6 +53,15 @@ TEST(Retrieval, FindsThePlace) {
   }
 }
 
+TEST(Retrieval, TheOnlyPlaceIsFound) {
+  CodebookOptions options;
+  options.words = 64;
+  const RetrievalIndex index = IndexInMemory(1, [](int) { return Picture(0, 1); }, options, 1, 1, {});
+  const std::vector<RetrievalHit> hits = index.Query(Picture(0, 2), 5);
+  ASSERT_EQ(hits.size(), 1U);
+  EXPECT_GT(hits[0].score, 0.5F);
+}
+
 TEST(Retrieval, APictureOfNothingHasNoPlace) {
   CodebookOptions options;
   options.words = 64;

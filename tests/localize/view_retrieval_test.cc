@@ -64,7 +64,10 @@ class Town : public testing::Test {
   }
   std::vector<GpsPlace> Gps(const Eigen::Vector3d& offset) const {
     std::vector<GpsPlace> gps(kImages);
-    for (int i = 0; i < kImages; ++i) gps[static_cast<size_t>(i)].position = PlaceOf(kFirst + i) + offset;
+    for (int i = 0; i < kImages; ++i) {
+      gps[static_cast<size_t>(i)].pose = i;
+      gps[static_cast<size_t>(i)].position = PlaceOf(kFirst + i) + offset;
+    }
     return gps;
   }
   static int OfRun(const std::vector<char>& tested) {
@@ -97,6 +100,22 @@ TEST_F(Town, GpsTellsTheRegionWhateverTheImagesLookLike) {
 
 TEST_F(Town, GpsFarFromAllReferencesIsNoReasonToTestNone) {
   EXPECT_EQ(OfRun(Retrieve(Gps({1e5, 0, 0})).tested), kImages);
+}
+
+TEST_F(Town, WhereGpsIsOutTheRunMayBeAnywhereInReach) {
+  std::vector<GpsPlace> gps = Gps({0, 0, 0});
+  gps.resize(3);
+  EXPECT_EQ(OfRun(Retrieve(gps).tested), kImages);
+}
+
+// Where no place is left out, a hand-held set counts with all that it scores.
+TEST_F(Town, AHandHeldSetBesideFewPanoramasIsNamed) {
+  options_.most_references = kReferences;
+  options_.top_k = kReferences;
+  input_.references[kFirst].set = 0;
+  const Retrieval found = Retrieve({});
+  const std::vector<Retrieval::Hit>& hits = found.of_image[0];
+  EXPECT_TRUE(std::any_of(hits.begin(), hits.end(), [](const Retrieval::Hit& h) { return h.reference == kFirst; }));
 }
 
 TEST_F(Town, OfFewReferencesAllAreTested) {
