@@ -61,6 +61,13 @@ class CameraPriorCost final : public ceres::SizedCostFunction<5, 5> {
   std::array<double, 5> sigma_;
 };
 
+// Where a map fails, the points that it does not fit from the beginning.
+std::string FarPoints(const std::vector<std::string>& far_points) {
+  if (far_points.empty()) return "";
+  return fmt::format("; the pictures have the control points {} elsewhere: check these first",
+                     fmt::join(far_points, ", "));
+}
+
 }  // namespace
 
 MapSolver::MapSolver(const SurveyInput& input, const SurveyOptions& options, int threads, ProgressSink& progress,
@@ -84,7 +91,8 @@ SurveyResult MapSolver::Run() {
   };
   heed(CheckInput(input_));
   start_ = CollectSights(input_, options_);
-  if (start_.sights.empty()) throw InputError("no run shows a tag: there is nothing to survey");
+  if (start_.sights.empty())
+    throw InputError("no run shows a tag of tags.yaml: there is nothing to survey; check its family and its tags");
   heed(CheckSights(input_, start_));
   moved_ = SplitDuplicates(input_, &start_);
   for (const SplitPlace& split : moved_) duplicates_.insert(split.tag_id);
@@ -103,7 +111,13 @@ SurveyResult MapSolver::Run() {
   for (int round = 0;; ++round) {
     huber_ = std::make_unique<HuberChi2Loss>(kHuberChi2 *
                                              kWideLoss[std::min(static_cast<size_t>(round), kWideLoss.size() - 1)]);
-    const SparseLeastSquares::Summary summary = Solve(true);
+    const SparseLeastSquares::Summary summary = [&] {
+      try {
+        return Solve(true);
+      } catch (const NumericError& e) {
+        throw NumericError(fmt::format("{}{}", e.what(), FarPoints(far_at_start_)));
+      }
+    }();
     if (round == 0) result_.cost_before = summary.cost_before;
     ReturnControl();
     result_.cost_after = summary.cost_after;
@@ -155,10 +169,7 @@ void MapSolver::RequireCredible() const {
         "the tag map did not converge: tag {} is {:.3g} m from the site. Odometry, tag sizes and surveyed points "
         "contradict each other: check the axes and order of odometry.tum (x y z qx qy qz qw; body x forward, y left, "
         "z up, as in T_cam_imu of camchain.yaml), tags.yaml and control_points.csv{}",
-        IdOf(place), (pose.translation - site).norm(),
-        far_at_start_.empty() ? ""
-                              : fmt::format(", above all the control points {}, which the pictures have elsewhere",
-                                            fmt::join(far_at_start_, ", "))));
+        IdOf(place), (pose.translation - site).norm(), FarPoints(far_at_start_)));
   }
 }
 
