@@ -281,6 +281,8 @@ std::optional<LeverArm> FindLeverArm(const std::vector<Pair>& pairs, double bloc
 
 // Far off as it stands, and good after a rigid fit?
 bool InAnotherFrame(const EstimateReport& r) {
+  // The reference itself may be turned: its sigmas say by how much.
+  if (r.own_rmse_interval_m && !(r.own_rmse_interval_m->low > 0)) return false;
   return r.aligned_rmse_m && *r.rmse_m > 1 && *r.aligned_rmse_m < 0.2 * *r.rmse_m;
 }
 
