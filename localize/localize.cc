@@ -265,6 +265,12 @@ void UseWorld(const Task& task, const WorldEvidence& evidence, EarthFit* earth, 
                                   &result->odometry_scale_sigma);
   result->odometry_scale = p.scales.front().value;
   result->earth_source = SourceOf(fit);
+  // Fixes as observations know no common error of theirs. Tags would show it.
+  if (fit.gps && fit.map_tags.empty() && fit.control_tags.empty()) {
+    CheckGpsShape(p, task.gps, task.options.geo, !fit.geotags, &result->geo);
+    result->on_earth = result->geo.solved;
+    result->earth_reason = result->geo.reason;
+  }
   for (const std::string& warning : fit.warnings) task.progress.Log(LogLevel::kWarning, warning);
 }
 
@@ -483,8 +489,9 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
   Localization result;
   result.reconstruction = std::move(run);
   StepTimes steps(&result.seconds);
-  result.retrieval = RetrieveViews(input, gps, options.retrieval, options.registration.max_distance_m, paper, seed,
-                                   threads, progress, cancel);
+  result.retrieval =
+      RetrieveViews(input, options.geo.use_gps == "never" ? std::vector<GpsPlace>() : gps, options.retrieval,
+                    options.registration.max_distance_m, paper, seed, threads, progress, cancel);
   steps.End("retrieval");
   std::vector<Registration> registrations = RegisterReferences(
       input, result.reconstruction, result.retrieval, options.registration, paper, threads, seed, progress, cancel);

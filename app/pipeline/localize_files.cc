@@ -429,13 +429,19 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
   const auto store = std::make_shared<FeatureStore>(run_features);
   std::map<int64_t, int> pose_of;
   std::vector<ImageEntry> entries;
+  // In the order of the moments they show, which the clocks of several cameras may exchange.
+  std::vector<std::pair<int64_t, const ImageEntry*>> by_moment;
   for (const ImageEntry& entry : run.images) {
+    const int64_t shift = std::llround(run.cameras[static_cast<size_t>(entry.camera)].time_offset_s * 1e9);
+    by_moment.emplace_back(entry.stamp_ns + shift, &entry);
+  }
+  std::stable_sort(by_moment.begin(), by_moment.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [stamp, its] : by_moment) {
+    const ImageEntry& entry = *its;
     if (!store->Has(entry.file)) {
       ++job.without_features;
       continue;
     }
-    const int64_t shift = std::llround(run.cameras[static_cast<size_t>(entry.camera)].time_offset_s * 1e9);
-    const int64_t stamp = entry.stamp_ns + shift;
     const std::optional<Rigid3d> odom_from_body = input.has_odometry ? run.odometry.At(stamp, gap) : Rigid3d();
     if (!odom_from_body) {
       ++job.without_odometry;
@@ -532,6 +538,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   input.view_index = [reference_results, names_of] { return MapViewIndex(reference_results, names_of); };
 
   if (has_frame) {
+    const int64_t gap = input.has_odometry ? LongestGap(run.odometry) : 0;
     for (const GpsFix& fix : run.gps) {
       const auto it = std::lower_bound(input.pose_stamps.begin(), input.pose_stamps.end(), fix.stamp_ns);
       size_t at = static_cast<size_t>(it - input.pose_stamps.begin());
@@ -542,6 +549,9 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
       GpsPlace g;
       g.pose = static_cast<int>(at);
       g.arm_m = run.config.gps_lever_arm_m;
+      // The pose is that of an image: the run has moved between its time and the fix's.
+      if (const auto then = input.has_odometry ? run.odometry.At(fix.stamp_ns, gap) : std::nullopt)
+        g.arm_m = input.odom_from_body[at].Inverse() * (*then * g.arm_m);
       g.position = frame.EnuFromGeodetic(fix.position);
       g.sigma_h_m = fix.sigma_h_m, g.sigma_v_m = fix.sigma_v_m;
       g.stamp_ns = fix.stamp_ns;

@@ -274,7 +274,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 22;
+    request.version = 23;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -288,7 +288,6 @@ StageInfo LocalizeStage() {
     for (const std::filesystem::path& manifest : ReferenceManifests(project)) request.inputs.push_back(manifest);
     const std::filesystem::path features = ResultOf(project, "features", plain) / "features.db";
     const std::vector<std::filesystem::path> references = ReferenceResults(project);
-    const ViewOptions views = ViewOptionsOf(project);
     // As published, a reference's views share one centre.
     std::map<std::string, std::filesystem::path> rigs;
     if (options.mode != "paper") rigs = StitchedRigs(project);
@@ -304,7 +303,7 @@ StageInfo LocalizeStage() {
       const bool has_odometry = !r.odometry.poses.empty();
       FollowReconstruction(ReconstructionManifest(context.project, "localize", target).parent_path(), &r, &site);
       LocalizeJob job = MakeLocalizeJob(site, r, context.project.has_frame(), context.project.frame(), features,
-                                        references, views, rigs);
+                                        references, ViewOptionsOf(context.project), rigs);
       job.input.has_odometry = has_odometry;
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
       LocalizeOptions how = options;

@@ -108,7 +108,7 @@ bool RequireConventions(const LocalizeInput& input, const ReconstructOptions& op
                            "; it is taken out. A wrong calibration (focal length, principal point) shows the same on a "
                            "path that bends to one side: check the gyroscope or wheels that odometry is from, and "
                            "camchain.yaml");
-  run->odometry = WithoutDrift(run->odometry, found.drift->rad_m);
+  run->odometry = WithoutDrift(run->odometry, found.drift->significant_rad_m);
   return true;
 }
 
@@ -354,7 +354,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 15;
+    request.version = 16;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

@@ -192,7 +192,8 @@ double EarthFit::Plausibility(const Sim3d& s) const {
 }
 
 std::vector<Sim3d> EarthFit::Guesses() const {
-  constexpr size_t kMostPairs = 200;
+  constexpr size_t kPaired = 200;  // observations whose pairs are tried, at most
+  const size_t every = (obs_.size() + kPaired - 1) / kPaired;
   std::vector<std::pair<double, Sim3d>> guesses;
   const auto add = [&](const Sim3d& s) { guesses.emplace_back(Plausibility(s), s); };
   for (size_t a = 0; a < obs_.size(); ++a) {
@@ -212,7 +213,7 @@ std::vector<Sim3d> EarthFit::Guesses() const {
       add(s);
     }
     // Two positions give the yaw of a nearly level frame, and its scale where nothing else does.
-    for (size_t b = 0; b < a && obs_.size() <= kMostPairs; ++b) {
+    for (size_t b = 0; b < a && a % every == 0; b += every) {
       if (!obs_[b].has_position) continue;
       const Eigen::Vector3d od = o.odom_from_rig.translation - obs_[b].odom_from_rig.translation;
       const Eigen::Vector3d wd = o.position - obs_[b].position;
@@ -304,6 +305,7 @@ void EarthFit::Weigh(const System& system, EarthSolution* solution) const {
     solution->cost += RobustCost(solution->position_chi2[i], options_.loss_chi2) +
                       RobustCost(solution->attitude_chi2[i], options_.loss_chi2);
     solution->residuals[i] = -now[i].r.head<3>();
+    if (!obs_[i].has_height) solution->residuals[i].z() = 0;
   }
 }
 

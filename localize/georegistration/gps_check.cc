@@ -80,6 +80,15 @@ double MedianOf(const std::vector<Offset>& offsets, const Value& value) {
   return Median(std::move(values));
 }
 
+// RMS distance of the run's places from their middle, in the plane.
+double ExtentOf(const std::vector<Offset>& offsets) {
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+  for (const Offset& o : offsets) middle += o.arm.head<2>() / static_cast<double>(offsets.size());
+  double squares = 0;
+  for (const Offset& o : offsets) squares += (o.arm.head<2>() - middle).squaredNorm();
+  return std::sqrt(squares / static_cast<double>(offsets.size()));
+}
+
 void Say(const std::string& text, GeoRegistration* geo) { geo->reason += (geo->reason.empty() ? "" : "; ") + text; }
 
 }  // namespace
@@ -98,7 +107,13 @@ void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, Geo
       std::hypot(MedianOf(offsets, [](const Offset& o) { return o.sigma_v_m; }), std::sqrt(own(2, 2)));
   const bool is_far = far > std::max(kLeast_m, kSigmas * sigma_h);
   if (!is_far && std::abs(up) <= std::max(kLeastHeight_m, kHeightSigmas * sigma_v)) return;
-  const Overlay over = LayOver(offsets);
+  Overlay over;
+  if (is_far) over = LayOver(offsets);
+  if (std::abs(over.turn_rad) < kSigmas * sigma_h / ExtentOf(offsets)) {  // by chance
+    over.turn_rad = 0;
+    over.shift_m = {MedianOf(offsets, [](const Offset& o) { return o.difference.x(); }),
+                    MedianOf(offsets, [](const Offset& o) { return o.difference.y(); })};
+  }
   Vector7d change;
   change << 0, 0, over.turn_rad, over.shift_m.real(), over.shift_m.imag(), up, 0;
   geo->covariance += change * change.transpose();

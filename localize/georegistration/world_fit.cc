@@ -530,7 +530,8 @@ GeoRegistration GeoRegistrationOf(const WorldFit& fit, const GeoStart& start, co
     const GeoObservation& o = start.observations[i];
     if (start.references[i] < 0 || !o.has_position) continue;
     const Rigid3d& rig = p.poses[static_cast<size_t>(start.poses[i])];
-    const Eigen::Vector3d off = o.position - frame * rig.TargetOriginInSource();
+    Eigen::Vector3d off = o.position - frame * rig.TargetOriginInSource();
+    if (!o.has_height) off.z() = 0;
     geo.residuals[i] = off;
     geo.outlier[i] = IsOutlier(o, off, options);
   }

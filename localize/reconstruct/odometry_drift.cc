@@ -57,6 +57,7 @@ std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_bod
   OdometryDrift drift;
   drift.length_m = travelled.back();
   drift.noise_rad = noise_rad;
+  Eigen::Array<bool, 3, 1> significant;
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     HuberByMedian huber;
     double normal = 0;
@@ -74,8 +75,10 @@ std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_bod
     }
     drift.sigma_rad_m(axis) = huber.noise() * std::sqrt(static_cast<double>(turns.size()) / independent / normal);
     const double total = drift.rad_m(axis) * drift.length_m, chance = drift.sigma_rad_m(axis) * drift.length_m;
-    drift.significant |= noise_rad > 0 && std::abs(total) > kSigmas * std::hypot(noise_rad, chance);
+    significant(axis) = noise_rad > 0 && std::abs(total) > kSigmas * std::hypot(noise_rad, chance);
   }
+  drift.significant = significant.any();
+  drift.significant_rad_m = significant.select(drift.rad_m.array(), 0.0);
   return drift;
 }
 

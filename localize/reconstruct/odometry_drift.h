@@ -13,7 +13,9 @@ namespace trigpoint {
 struct OdometryDrift {
   Eigen::Vector3d rad_m = Eigen::Vector3d::Zero();        // rotation vector a metre travelled, body axes
   Eigen::Vector3d sigma_rad_m = Eigen::Vector3d::Zero();  // 1 sigma, each axis
-  double length_m = 0;                                    // of the path
+  // Of it what neither stated noise nor chance explains: zero about the other axes.
+  Eigen::Vector3d significant_rad_m = Eigen::Vector3d::Zero();
+  double length_m = 0;       // of the path
   double noise_rad = 0;      // what odometry's stated noise adds up to over it, 1 sigma per axis
   bool significant = false;  // neither that noise nor chance makes it likely
 };

@@ -34,7 +34,7 @@ Vector6d OdometryResidual(const BundleProblem& p, const PoseFactor& f) {
 double TrimmedMean(std::vector<double> v) {
   if (v.empty()) return 1.0;
   std::sort(v.begin(), v.end());
-  const size_t keep = std::max<size_t>(1, v.size() * 98 / 100);
+  const size_t keep = v.size() - v.size() * 2 / 100;
   double sum = 0;
   for (size_t i = 0; i < keep; ++i) sum += v[i];
   // The mean of the lower 98 % of a chi-square with 1 dof is 0.884 of the whole's.

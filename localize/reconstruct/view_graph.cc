@@ -52,9 +52,10 @@ std::vector<Viewpoint> MakeViewpoints(const LocalizeInput& input) {
     viewpoints.push_back(std::move(s));
   }
   for (size_t i = 1; i < viewpoints.size(); ++i) {
-    const bool moved = input.images[i].pose != input.images[i - 1].pose;
-    viewpoints[i].travelled =
-        viewpoints[i - 1].travelled + (moved ? (viewpoints[i].centre - viewpoints[i - 1].centre).norm() : 0);
+    // Of the body: cameras of one moment stand apart.
+    const Rigid3d &from = input.odom_from_body[static_cast<size_t>(input.images[i - 1].pose)],
+                  &to = input.odom_from_body[static_cast<size_t>(input.images[i].pose)];
+    viewpoints[i].travelled = viewpoints[i - 1].travelled + (to.translation - from.translation).norm();
   }
   return viewpoints;
 }

@@ -407,6 +407,7 @@ TEST(GeoRegistration, AHeightThatNobodyTellsIsAssumedAndUnknown) {
   double mean = 0;
   for (const GeoObservation& o : site.observations) mean += (geo.world_from_odom * o.odom_from_rig.translation).z() / 8;
   EXPECT_NEAR(mean, 100, 1);
+  for (const Eigen::Vector3d& r : geo.residuals) EXPECT_EQ(r.z(), 0) << "there is no height to differ from";
   const Eigen::Matrix<double, 7, 1> e = ErrorOf(geo, site.world_from_odom);
   for (const int k : {0, 1, 2, 3, 4, 6}) EXPECT_LT(std::abs(e(k)), 5 * std::sqrt(geo.covariance(k, k))) << k;
   // One height is enough.
@@ -414,6 +415,24 @@ TEST(GeoRegistration, AHeightThatNobodyTellsIsAssumedAndUnknown) {
   const GeoRegistration one = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
   ASSERT_TRUE(one.solved) << one.reason;
   EXPECT_LT(std::sqrt(one.covariance(5, 5)), 1);
+}
+
+TEST(GeoRegistration, ManyPositionsWithoutHeadingGiveTheDirection) {
+  Site site = MakeSite(2, 0);
+  constexpr int kFixes = 301;
+  std::vector<GeoObservation> fixes;
+  for (int i = 0; i < kFixes; ++i) {
+    GeoObservation o = site.observations[0];
+    o.has_heading = o.has_tilt = false;
+    const double a = 2 * EIGEN_PI * i / kFixes;
+    o.position = Eigen::Vector3d(15 * std::cos(a), 10 * std::sin(a), 1);
+    o.odom_from_rig.translation = site.world_from_odom.Inverse() * o.position;
+    fixes.push_back(o);
+  }
+  const Eigen::MatrixXd covariance = 1e-4 * Eigen::MatrixXd::Identity(6 * kFixes, 6 * kFixes);
+  const GeoRegistration geo = RegisterToEarth(fixes, covariance, 1, 0.01, false, {});
+  ASSERT_TRUE(geo.solved) << geo.reason;
+  EXPECT_LT(LogSO3(geo.world_from_odom.rotation * site.world_from_odom.rotation.conjugate()).norm(), 0.05);
 }
 
 TEST(GeoRegistration, SaysWhyNot) {

@@ -158,6 +158,19 @@ TEST(GpsPlace, ADistantRunHasTheDistanceInItsSigmas) {
   EXPECT_NEAR(std::sqrt(run.geo.covariance(4, 4)), 400, 10);
 }
 
+// Over a few metres the errors of GPS turn the run by any angle: that is no contradiction.
+TEST(GpsPlace, AShortRunBelowGpsIsNotTurned) {
+  const auto nearly_still = [](double second) { return Eigen::Vector3d(0.05 * second, 0, 0); };
+  for (uint64_t seed = 1; seed <= 20; ++seed) {
+    GpsRun run = MakeRun(seed, 0, false, nearly_still);
+    for (GpsPlace& fix : run.gps) fix.position.z() += 47;
+    HeedGps(run.problem, run.gps, &run.geo);
+    EXPECT_TRUE(run.geo.solved);
+    EXPECT_THAT(run.geo.reason, HasSubstr("GPS lies 47 m above the run"));
+    EXPECT_EQ(run.geo.covariance(2, 2), 1);
+  }
+}
+
 TEST(GpsPlace, ATurnedRunIsWithheld) {
   GpsRun run = MakeRun(1);
   for (GpsPlace& fix : run.gps) fix.position = ExpSO3({0, 0, 2}) * fix.position;

@@ -280,6 +280,9 @@ TEST(OdometryDrift, IsFoundAndTakenOut) {
     const auto found = FindDrift(drifting, motions, 0.01);
     ASSERT_TRUE(found);
     EXPECT_TRUE(found->significant);
+    // What is chance about the other axes is no drift.
+    EXPECT_EQ(found->significant_rad_m.head<2>().norm(), 0);
+    EXPECT_EQ(found->significant_rad_m.z(), found->rad_m.z());
     EXPECT_FALSE(FindDrift(drifting, motions, 0.5)->significant);  // noise explains it
     squares += (found->rad_m - drift_rad_m).cwiseQuotient(found->sigma_rad_m).squaredNorm() / (3 * kDraws);
     const Trajectory mended = WithoutDrift(odometry, drift_rad_m);
