@@ -326,7 +326,11 @@ void AddGeotags(const Project& project, SurveyJob* job) {
 void AddGps(const Project& project, const Run& run, SurveyRun* survey) {
   if (!project.has_frame()) return;
   std::vector<int64_t> stamps;
-  for (const ImageDetections& image : survey->images) stamps.push_back(image.stamp_ns);
+  for (const ImageDetections& image : survey->images) {  // on the body's clock, as the map's frames are
+    const size_t camera = CameraNamed(*survey, image.camera);
+    if (camera >= survey->cameras.size()) continue;
+    stamps.push_back(image.stamp_ns + std::llround(survey->cameras[camera].time_offset_s * 1e9));
+  }
   for (const SurveyTie& tie : survey->ties) stamps.push_back(tie.stamp_ns);
   std::sort(stamps.begin(), stamps.end());
   stamps.erase(std::unique(stamps.begin(), stamps.end()), stamps.end());

@@ -152,6 +152,12 @@ void MapSolver::DropDatumWithoutFrame() {
     }
     Warn(problem + ": the map stays in a frame of its own");
   }
+  const auto has_gps = [](const SurveyRun& run) { return !run.gps.empty(); };
+  if (datum_points_.empty() && input_.use_gps && std::any_of(input_.runs.begin(), input_.runs.end(), has_gps)) {
+    const std::string problem = "expected GPS fixes that are not on one line, found none";
+    if (!input_.use_control && !input_.use_geotags) throw InputError("datum gps: " + problem);
+    Warn(problem + ": the map stays in a frame of its own");
+  }
   datum_points_.clear();
   use_shift_ = false;
   result_.datum = "first camera";
@@ -507,6 +513,7 @@ void MapSolver::AddPoints() {
 
 // A receiver's errors are correlated over kGpsCorrelation_s: the fixes within that time together count as one.
 void MapSolver::AddFixes() {
+  if (!result_.in_world) return;
   for (size_t r = 0; input_.use_gps && r < input_.runs.size(); ++r) {
     const std::vector<SurveyFix>& fixes = input_.runs[r].gps;
     if (fixes.empty()) continue;

@@ -215,6 +215,12 @@ class Network {
     for (const NetworkPoint& p : known) points_[p.name] = p.position;
     for (const StationSighting& s : sightings) {
       Setup& setup = setups_[s.setup];
+      if (s.instrument_height_m == 0) continue;  // stated in another row of the set-up
+      if (setup.height != 0 && setup.height != s.instrument_height_m) {
+        throw InputError(
+            fmt::format("total_station.csv: set-up {} has instrument heights of {} m and {} m; expected one", s.setup,
+                        setup.height, s.instrument_height_m));
+      }
       setup.height = s.instrument_height_m;
     }
   }

@@ -14,6 +14,7 @@
 #include "calib/estimation/manifold.h"
 #include "calib/estimation/random.h"
 #include "calib/geo/geodetic.h"
+#include "tests/datasets/io_temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -188,6 +189,22 @@ TEST(StationNetwork, WhatKnownPointsDoNotReachIsNamed) {
   site.sightings.push_back(alone);
   EXPECT_THAT(AdjustNetwork(site.sightings, site.known, {}).unplaced, testing::ElementsAre("lost", "tag:99"));
   EXPECT_THROW(AdjustNetwork(site.sightings, {}, {}), InputError);
+}
+
+TEST(StationNetwork, AHeightIsThatOfItsWholeSetup) {
+  Site site = MakeSite(4);
+  const StationNetwork all = AdjustNetwork(site.sightings, site.known, {});
+  std::string last;
+  for (StationSighting& s : site.sightings) {
+    if (s.setup == last) s.instrument_height_m = 0;  // only the first row states it
+    last = s.setup;
+  }
+  const StationNetwork once = AdjustNetwork(site.sightings, site.known, {});
+  ASSERT_EQ(all.points.size(), once.points.size());
+  for (size_t k = 0; k < all.points.size(); ++k) EXPECT_EQ(all.points[k].position, once.points[k].position);
+  site.sightings[1].instrument_height_m = 1.7;
+  EXPECT_THAT(MessageOf<InputError>([&] { AdjustNetwork(site.sightings, site.known, {}); }),
+              testing::HasSubstr("set-up A has instrument heights of 1.6 m and 1.7 m"));
 }
 
 }  // namespace
