@@ -198,7 +198,13 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
     pose.attitude = AttitudeOf(answer.world_from_pano->rotation);
     if (answer.sigma_m) pose.sigma_h_m = answer.sigma_m->head<2>().norm();
     if (credit != credits.end()) pose.copyright = credit->second.attribution;
-    report->files.push_back(out / picture->second.filename());
+    // Two folders may have pictures of one name.
+    fs::path file = out / picture->second.filename();
+    if (std::find(report->files.begin(), report->files.end(), file) != report->files.end()) {
+      file = out / fs::path(answer.panorama).relative_path();
+      fs::create_directories(file.parent_path());
+    }
+    report->files.push_back(file);
     WritePanoramaWithPose(picture->second, report->files.back(), pose);
     ++written;
   }

@@ -56,7 +56,7 @@ ImportReport ImportOpenSfmGcp(const fs::path& site, const fs::path& file, const 
                  "; heights as given; sigmas are a handheld receiver's: replace them by those of your survey"});
   CsvWriter marks({"point", "image", "u", "v"}, {"pixels: the centre of the first one is 0, 0"});
   for (const ControlPoint& point : known.points) {
-    csv.Text(point.point).Text("control");
+    csv.Text(point.point).Text(point.control ? "control" : "check");
     csv.Number(point.geodetic->latitude_deg, 10).Number(point.geodetic->longitude_deg, 10);
     csv.Number(point.geodetic->height_m, 4).Number(point.sigma_h_m, 3).Number(point.sigma_v_m, 3).EndRow();
   }

@@ -126,8 +126,9 @@ std::filesystem::path CalibrationFile(const std::filesystem::path& site_dir, con
                    "); run `trigpoint calibrate` with --name " + run.config.camera + " first");
 }
 
-// The calibration named in run.yaml, else the run's own camchain.yaml. How the cameras sit on the body is the run's
-// where the calibration doesn't say; how a calibrated rig's cameras sit to each other is the calibration's.
+// The calibration named in run.yaml, else the run's own camchain.yaml. How the cameras sit on the body, and their
+// readout times, are the run's where the calibration doesn't say; how a calibrated rig's cameras sit to each other is
+// the calibration's.
 std::vector<BodyCamera> ReadCameras(const std::filesystem::path& site_dir, const Run& run) {
   const std::filesystem::path own = run.dir / "camchain.yaml";
   std::vector<BodyCamera> mounted;
@@ -135,6 +136,11 @@ std::vector<BodyCamera> ReadCameras(const std::filesystem::path& site_dir, const
   const std::filesystem::path calibration = CalibrationFile(site_dir, run);
   if (calibration.empty()) return mounted;
   std::vector<BodyCamera> cameras = ReadCamchain(calibration);
+  for (BodyCamera& camera : cameras) {
+    for (const BodyCamera& other : mounted) {
+      if (other.name == camera.name && camera.readout_s == 0) camera.readout_s = other.readout_s;
+    }
+  }
   if (cameras.front().has_extrinsics || mounted.empty()) return cameras;
   const auto same = std::find_if(mounted.begin(), mounted.end(),
                                  [&](const BodyCamera& camera) { return camera.name == cameras.front().name; });
@@ -371,9 +377,7 @@ void ReadGps(Run* run) {
                      : file->extension() == ".csv"  ? ReadGpsCsv(*file)
                      : file->extension() == ".nmea" ? ReadNmea(*file, clock)
                                                     : ReadGpx(*file, clock);
-    if (file) {  // the positions in images have the images' times
-      for (GpsFix& fix : track.fixes) fix.stamp_ns += ToNs(run->config.gps_time_offset_s);
-    }
+    for (GpsFix& fix : track.fixes) fix.stamp_ns += ToNs(run->config.gps_time_offset_s);
     run->gps = std::move(track.fixes);
     run->warnings.insert(run->warnings.end(), track.warnings.begin(), track.warnings.end());
   } catch (const InputError& e) {

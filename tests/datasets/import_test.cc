@@ -337,6 +337,17 @@ TEST(ImportMapillary, TheDescriptionIsRead) {
   EXPECT_EQ(metadata.taken_utc_ns.value_or(0), *ParseUtcToNs("2024-05-12T09:43:20.5Z"));
 }
 
+TEST(ImportOpenSfmGcp, CheckPointsStayCheckPoints) {
+  const TempDir dir;
+  dir.Write("gcp_list.txt", "EPSG:4326\n13.4 52.5 40 10 20 a.jpg gcp01\n13.5 52.6 40 10 20 a.jpg CHK-1\n");
+  fs::create_directories(dir / "images");
+  cv::imwrite((dir / "images/a.jpg").string(), cv::Mat(48, 64, CV_8U, cv::Scalar(100)));
+  ImportOpenSfmGcp(dir.path(), dir / "gcp_list.txt", dir / "images");
+  const std::string points = ReadTextFile(dir / "control_points.csv");
+  EXPECT_THAT(points, HasSubstr("gcp01,control,52.5"));
+  EXPECT_THAT(points, HasSubstr("CHK-1,check,52.6"));
+}
+
 TEST(ImportOpenSfmGcp, BerlinHasItsPoints) {
   const char* set = std::getenv("TRIGPOINT_SHARED_DATA");
   const fs::path berlin = fs::path(set != nullptr ? set : "../shared/data") / "berlin_gcp";

@@ -504,13 +504,14 @@ TEST_F(SiteTest, TakesTheCameraFromExifOrACalibration) {
   EXPECT_FALSE(run.cameras[0].has_extrinsics);
   EXPECT_THAT(Warnings(run), HasSubstr("the focal length begins with the EXIF of 1.jpg"));
   // A calibration of the project has the lens, the run's own file says where the camera sits.
-  Write("runs/run1/camchain.yaml", std::string("cam0:\n") + kCamera);
+  Write("runs/run1/camchain.yaml", std::string("cam0:\n") + kCamera + "  readout_s: 0.02\n");
   Write("runs/run1/run.yaml", "camera: wide\n");
   Write("results/calibrate/wide/camchain.yaml",
         "cam0:\n  camera_model: pinhole\n  intrinsics: [70, 70, 31, 23]\n  resolution: [64, 48]\n");
   run = ReadOne();
   EXPECT_EQ(run.cameras.at(0).camera.params()[0], 70);
   EXPECT_TRUE(run.cameras[0].has_extrinsics);
+  EXPECT_EQ(run.cameras[0].readout_s, 0.02);
 }
 
 TEST_F(SiteTest, SeesA360CameraAsItsViews) {
