@@ -336,7 +336,6 @@ void SummarizeGroup(const std::vector<const ErrorRow*>& rows, const UnknownPlace
   std::vector<double> e3, eh, ev;
   for (const ErrorRow* row : rows) {
     runs.insert(row->run);
-    stations.insert(row->station);
     if (row->status != kLocalized) {
       ++summary->reasons[row->reason.empty() ? row->status : row->status + ": " + row->reason];
     }
@@ -346,6 +345,7 @@ void SummarizeGroup(const std::vector<const ErrorRow*>& rows, const UnknownPlace
     }
     if (places_unknown.count({row->run, row->variant, row->reference, row->station}) > 0) continue;
     ++summary->attempts;
+    stations.insert(row->station);
     summary->passed += row->passed;
     if (!row->error_3d_m) continue;
     ++summary->answers;

@@ -149,6 +149,8 @@ void AddOwnRmse(const std::vector<Pair>& pairs, const EstimateScoreOptions& opti
     blocks.back().second += 1;
   }
   report->reference_rms_m = std::sqrt(reference_variance);
+  // A fit has taken out what the whole reference is off by, which is most of its variance.
+  if (report->alignment != TrajectoryAlignment::kNone) reference_variance = 0;
   report->own_rmse_m = std::sqrt(std::max(0.0, *report->rmse_m * *report->rmse_m - reference_variance));
   if (blocks.size() < 3) return;
   Random random(1);
