@@ -265,7 +265,7 @@ void UseWorld(const Task& task, const WorldEvidence& evidence, EarthFit* earth, 
                                   &result->odometry_scale_sigma);
   result->odometry_scale = p.scales.front().value;
   result->earth_source = SourceOf(fit);
-  // Fixes as observations know no common error of theirs. Tags would show it.
+  // The bundle takes errors of fixes as independent: one that all share is looked for here. Tags would show it.
   if (fit.gps && fit.map_tags.empty() && fit.control_tags.empty()) {
     CheckGpsShape(p, task.gps, task.options.geo, !fit.geotags, &result->geo);
     result->on_earth = result->geo.solved;

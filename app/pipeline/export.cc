@@ -198,7 +198,7 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
     pose.attitude = AttitudeOf(answer.world_from_pano->rotation);
     if (answer.sigma_m) pose.sigma_h_m = answer.sigma_m->head<2>().norm();
     if (credit != credits.end()) pose.copyright = credit->second.attribution;
-    // Two folders may have pictures of one name.
+    // Two folders may have pictures of the same name.
     fs::path file = out / picture->second.filename();
     if (std::find(report->files.begin(), report->files.end(), file) != report->files.end()) {
       file = out / fs::path(answer.panorama).relative_path();

@@ -429,7 +429,7 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
   const auto store = std::make_shared<FeatureStore>(run_features);
   std::map<int64_t, int> pose_of;
   std::vector<ImageEntry> entries;
-  // In the order of the moments they show, which the clocks of several cameras may exchange.
+  // Sorted by the moments they show: cameras with clocks of their own may list them in another order.
   std::vector<std::pair<int64_t, const ImageEntry*>> by_moment;
   for (const ImageEntry& entry : run.images) {
     const int64_t shift = std::llround(run.cameras[static_cast<size_t>(entry.camera)].time_offset_s * 1e9);

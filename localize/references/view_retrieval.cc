@@ -92,7 +92,7 @@ std::optional<Eigen::Vector2d> PlaceOf(const LocalizeInput& input, const Referen
 
 constexpr double kUnknownLength_m = 100;  // of a run, or what is left of it, that has no odometry
 
-// How far the run can have come from each fix, and from the next one, or to its end.
+// How far from each fix the run can have been: half the way to the next one, all of it to the run's ends.
 std::vector<double> Unfixed(const LocalizeInput& input, const std::vector<GpsPlace>& gps) {
   std::vector<double> path{0};
   for (size_t k = 1; k < input.odom_from_body.size(); ++k) {
