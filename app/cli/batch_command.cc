@@ -186,6 +186,7 @@ int Resume(const Session& session, const BatchArguments& arguments, const fs::pa
   if (!then.memory.empty()) ParseMemory("--memory", then.memory);
   ParseMemory("--task-memory", then.task_memory);
   plan.submitted.clear();
+  plan.summary_job.clear();
   if (session.options.threads > 0) then.threads = session.options.threads;
   if (then.engine == "slurm") then.threads = std::max(1, then.threads);
   return Execute(session, folder, plan, arguments.wait);

@@ -108,8 +108,8 @@ double MinutesOf(const std::string& text) {
   if (dash != std::string::npos) days = static_cast<int>(ParseInt(text.substr(0, dash)).value_or(0));
   const int fields = std::sscanf(time.c_str(), "%d:%d:%d", &a, &b, &c);
   if (fields < 1) return 0;
-  const double hours = fields == 3 || dash != std::string::npos ? a : 0, minutes = fields == 3 ? b : hours > 0 ? 0 : a;
-  return 1440.0 * days + 60 * hours + minutes;
+  const bool with_hours = fields == 3 || dash != std::string::npos;  // else "minutes" or "minutes:seconds"
+  return 1440.0 * days + (with_hours ? 60.0 * a + (fields > 1 ? b : 0) : a);
 }
 
 // The largest of all nodes of the partition, of the default one if none is named.
@@ -287,9 +287,6 @@ size_t SubmitToSlurm(const fs::path& folder, BatchPlan plan) {
   // What killed processes left in the results goes while nobody writes there.
   for (const fs::path& dir : projects) Project::Open(dir).Lock();
   fs::create_directories(folder / "logs");
-  plan.submitted.clear();
-  plan.summary_job.clear();
-  WriteBatchPlan(plan, folder);
   Submission submission(&plan, folder);
   std::vector<Group> groups = GroupsOf(plan, records, submission.LargestArray());
   if (!groups.empty()) submission.Submit(&groups);
