@@ -425,7 +425,8 @@ void EvaluateProject(const EvaluateStageOptions& options, const std::string& var
   std::erase_if(input.stations, [&](const Station& s) { return context.project.review().ExcludesStation(s.name); });
   input.references = ReferencesFor(context.project, options.reference, context.progress);
   EvaluationExtras extras;
-  UseMeasuredOffsets(context.project, options.offsets, variant, &input.stations, &extras.notes);
+  input.measured_stations =
+      UseMeasuredOffsets(context.project, options.offsets, variant, &input.stations, &extras.notes);
   input.runs = ReadEvaluatedRuns(options, variant, input.stations, context, &extras.notes);
   EvaluatedSite site;
   for (const std::string& each : EvaluatedVariants(context.project, variant)) {
@@ -501,7 +502,7 @@ StageInfo EvaluateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     StageRequest request;
-    request.version = 11;
+    request.version = 12;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);

@@ -16,9 +16,9 @@ std::vector<std::string> CheckOffsets(const std::string& how) {
   return {"offsets: expected stated, estimated or combined, found '" + how + "'"};
 }
 
-void UseMeasuredOffsets(const Project& project, const std::string& how, const std::string& variant,
-                        std::vector<Station>* stations, std::vector<std::string>* notes) {
-  if (how == "stated") return;
+std::set<std::string> UseMeasuredOffsets(const Project& project, const std::string& how, const std::string& variant,
+                                         std::vector<Station>* stations, std::vector<std::string>* notes) {
+  if (how == "stated") return {};
   const fs::path file = project.ResultDir("survey", variant.empty() ? "" : "@" + variant) / "stations.csv";
   if (!fs::exists(file)) {
     throw InputError(file.string() + ": expected the offsets that `trigpoint survey` measures where panoramas show " +
@@ -39,20 +39,21 @@ void UseMeasuredOffsets(const Project& project, const std::string& how, const st
     offset.sigma_m = vector(row, sigma).maxCoeff();
     measured.emplace(row.Text("station"), offset);  // of several panoramas the first
   }
-  int replaced = 0;
+  std::set<std::string> replaced;
   for (Station& station : *stations) {
     const auto it = measured.find(station.name);
     if (it == measured.end()) continue;
     station.offset_m = it->second.offset_m;
     station.in_tag_frame = false;
     station.sigma_m = it->second.sigma_m;
-    ++replaced;
+    replaced.insert(station.name);
   }
-  if (replaced == 0) return;
+  if (replaced.empty()) return replaced;
   notes->push_back(
       fmt::format("Offsets of {} of {} stations are {} by the tags that their panoramas show: images and map are part "
                   "of the reference, so that it is not independent of answers that rest on the same panoramas.",
-                  replaced, stations->size(), how));
+                  replaced.size(), stations->size(), how));
+  return replaced;
 }
 
 }  // namespace trigpoint

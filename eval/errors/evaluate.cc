@@ -496,9 +496,9 @@ Support SupportOf(const EvaluatedRun& run, const EvaluateOptions& options) {
   return support;
 }
 
-// `known`: the reference says where the station's centre is.
-ErrorRow RowOf(const EvaluatedRun& run, const Attempt& attempt, const Stations& stations, const MapView& map,
-               const Support& support, const EvaluateOptions& options, bool* known) {
+// `measured`: the station's offset comes from its panoramas. `known`: the reference says where its centre is.
+ErrorRow RowOf(const EvaluatedRun& run, const Attempt& attempt, const Stations& stations, bool measured,
+               const MapView& map, const Support& support, const EvaluateOptions& options, bool* known) {
   const auto found = stations.find(attempt.station);
   const Station* const station = found == stations.end() ? nullptr : found->second;
   ErrorRow row{.run = run.run,
@@ -515,6 +515,7 @@ ErrorRow RowOf(const EvaluatedRun& run, const Attempt& attempt, const Stations& 
   if (map.map != nullptr && map.map->own_evidence.count(row.tag_id) > 0) {
     row.shares_evidence = Intersect(run.evidence, {map.map->own_evidence.at(row.tag_id)});
   }
+  if (measured) row.shares_evidence = true;
   const auto stitch = run.stitch_sigma.find(attempt.panorama);
   *known = Score(attempt.answer, station, map, options.passed_radius_m,
                  stitch == run.stitch_sigma.end() ? 0 : stitch->second, &row);
@@ -560,7 +561,8 @@ Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) 
     for (const MapView& map : MapsOf(run, input.references)) {
       for (const Attempt& attempt : attempts) {
         bool known = false;
-        ErrorRow row = RowOf(run, attempt, stations, map, support, options, &known);
+        ErrorRow row = RowOf(run, attempt, stations, input.measured_stations.contains(attempt.station), map, support,
+                             options, &known);
         if (!known) places_unknown.insert({row.run, row.variant, row.reference, row.station});
         GroupBackground& group = background[GroupOf(row)];
         group.map = map.map;

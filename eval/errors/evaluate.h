@@ -17,6 +17,7 @@
 #include <compare>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -94,6 +95,8 @@ struct EvaluateInput {
   std::vector<EvaluatedRun> runs;
   std::vector<Station> stations;
   std::vector<ReferenceMap> references;  // may be empty: only relative errors then
+  // Stations whose offset comes from their own panoramas: the ground truth shares these with every answer there.
+  std::set<std::string> measured_stations;
 };
 
 // A row of errors.csv. status is the localizer's (localized, rejected, unmatched), or

@@ -278,7 +278,7 @@ std::vector<GateMeasure> EstimateMeasures(const json& estimates) {
     const std::string subject = TextAt(e, "system") + " on " + TextAt(e, "run");
     const int attempts = CountAt(e, "/attempts"), answers = CountAt(e, "/answers");
     GateMeasure ate{.gate = "estimates.max_ate_m", .subject = subject, .n = answers, .counted = "images"};
-    ate.value = NumberAt(e, "/own_rmse_m");  // the reference's uncertainty taken out
+    ate.value = NumberAt(e, "/rmse_m");
     ate.interval = IntervalAt(e, "own_rmse_interval_m");
     ate.confidence = EstimateScoreOptions().confidence;
     if (!ate.value) ate.reason = "no image has both an estimate and a reference";

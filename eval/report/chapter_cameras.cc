@@ -27,15 +27,15 @@ Table ScoreTable(const ChapterContext& c) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{
       "cameras",
-      "ATE: root mean square distance in the site's frame; its own: with the reference's uncertainty taken out, "
-      "interval 95 %, by blocks in time; fitted: after a rigid fit; RPE: over consecutive pieces of the path. "
+      "ATE: root mean square distance in the site's frame, with its 95 % interval by blocks in time; the lower end is "
+      "without the reference's uncertainty, which the estimate may share; fitted: after a rigid fit; RPE: over "
+      "consecutive pieces of the path. "
       "Within 2 sigma: components of the errors; 95 % where stated sigmas are right.",
       {{"system"},
        {"run"},
        {"images", true},
        {"with an estimate", true},
        {"ATE" + u, true},
-       {"its own" + u, true},
        {"from" + u, true},
        {"to" + u, true},
        {"fitted" + u, true},
@@ -60,7 +60,6 @@ Table ScoreTable(const ChapterContext& c) {
                           plain(At(s, {"attempts"}), 0),
                           plain(At(s, {"answers"}), 0),
                           c.LengthCell(At(s, {"rmse_m"})),
-                          c.LengthCell(At(s, {"own_rmse_m"})),
                           c.LengthCell(low),
                           c.LengthCell(high),
                           c.LengthCell(At(s, {"aligned_rmse_m"})),

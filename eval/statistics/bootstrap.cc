@@ -1,8 +1,11 @@
 #include "eval/statistics/bootstrap.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
+#include <utility>
 
 #include "calib/estimation/random.h"
 #include "eval/statistics/distributions.h"
@@ -11,14 +14,23 @@
 namespace trigpoint {
 namespace {
 
-// The crossed random-effects model of a sample; shares of the variance that stations and runs have.
+// The crossed random-effects model of a sample; shares of the variance that stations, runs and the answers of one run
+// at one station (a cell) have.
 struct CrossedModel {
   std::vector<double> y;
-  std::vector<size_t> station, run;  // dense cluster indices
-  size_t stations = 0, runs = 0;
+  std::vector<size_t> station, run, cell;  // dense cluster indices
+  size_t stations = 0, runs = 0, cells = 0;
   double variance = 0;
-  double station_share = 0, run_share = 0;
+  double station_share = 0, run_share = 0, cell_share = 0;
   double dof = 1;
+};
+
+// Half the mean squared difference of pairs of values, by what the two share.
+struct PairVariances {
+  enum Kind { kNothing, kStation, kRun, kCell };
+  std::array<double, 4> sum{}, count{};
+  bool Any(Kind kind) const { return count[kind] > 0 && sum[kind] > 0; }
+  double Of(Kind kind) const { return sum[kind] / count[kind]; }
 };
 
 std::vector<size_t> Dense(const std::vector<ClusteredValue>& values, int ClusteredValue::*member, size_t* count) {
@@ -53,56 +65,93 @@ class Transform {
   double unit_ = 1;  // the typical size of a difference: linear below it, logarithmic beyond
 };
 
+PairVariances VariancesOfPairs(const CrossedModel& m) {
+  PairVariances pairs;
+  for (size_t i = 0; i < m.y.size(); ++i) {
+    for (size_t j = i + 1; j < m.y.size(); ++j) {
+      const size_t kind = (m.station[i] == m.station[j] ? PairVariances::kStation : 0) +
+                          (m.run[i] == m.run[j] ? PairVariances::kRun : 0);
+      pairs.sum[kind] += 0.5 * (m.y[i] - m.y[j]) * (m.y[i] - m.y[j]);
+      pairs.count[kind] += 1;
+    }
+  }
+  return pairs;
+}
+
+void SetShares(const PairVariances& pairs, PairVariances::Kind base, CrossedModel* m) {
+  constexpr double kMost = 0.99;  // something is left to each answer
+  const auto share = [&](PairVariances::Kind kind) {
+    return kind != base && pairs.count[kind] > 0 ? std::clamp(1 - pairs.Of(kind) / m->variance, 0.0, kMost) : 0.0;
+  };
+  if (base == PairVariances::kNothing) {
+    m->station_share = share(PairVariances::kStation);
+    m->run_share = share(PairVariances::kRun);
+  }
+  if (const double both = m->station_share + m->run_share; both > kMost) {
+    m->station_share *= kMost / both;
+    m->run_share *= kMost / both;
+  }
+  m->cell_share = std::max(0.0, share(PairVariances::kCell) - m->station_share - m->run_share);
+}
+
+// The mean's variance in units of one value's: what stations add rests on their number, what runs and cells add on
+// theirs (Satterthwaite).
+double DegreesOfFreedom(const CrossedModel& m, const PairVariances& pairs) {
+  const double n = static_cast<double>(m.y.size());
+  const auto& count = pairs.count;
+  const double by_station = 2 * (count[PairVariances::kStation] + count[PairVariances::kCell]) / n * m.station_share;
+  const double by_run = 2 * (count[PairVariances::kRun] + count[PairVariances::kCell]) / n * m.run_share;
+  const double by_cell = 2 * count[PairVariances::kCell] / n * m.cell_share;
+  const double total = 1 + by_station + by_run + by_cell;
+  const auto term = [](double part, size_t clusters) {
+    return part * part / std::max(1.0, static_cast<double>(clusters) - 1);
+  };
+  return std::max(
+      1.0,
+      total * total / (1 / (n - 1) + term(by_station, m.stations) + term(by_run, m.runs) + term(by_cell, m.cells)));
+}
+
 CrossedModel FitModel(const std::vector<ClusteredValue>& values, const Transform& transform) {
   CrossedModel m;
   for (const ClusteredValue& v : values) m.y.push_back(transform(v.value));
   m.station = Dense(values, &ClusteredValue::station, &m.stations);
   m.run = Dense(values, &ClusteredValue::run, &m.runs);
 
-  // Half the mean squared difference of pairs that share nothing, a station, or a run.
-  double sum[3] = {0, 0, 0}, count[3] = {0, 0, 0}, all = 0;
-  const size_t n = m.y.size();
-  for (size_t i = 0; i < n; ++i) {
-    for (size_t j = i + 1; j < n; ++j) {
-      const double d = 0.5 * (m.y[i] - m.y[j]) * (m.y[i] - m.y[j]);
-      all += d;
-      const bool same_station = m.station[i] == m.station[j], same_run = m.run[i] == m.run[j];
-      if (same_station && same_run) continue;
-      const int kind = same_station ? 1 : same_run ? 2 : 0;
-      sum[kind] += d;
-      count[kind] += 1;
-    }
+  std::map<std::pair<size_t, size_t>, size_t> cells;
+  for (size_t i = 0; i < m.y.size(); ++i) {
+    m.cell.push_back(cells.emplace(std::pair(m.station[i], m.run[i]), cells.size()).first->second);
   }
-  const double size = static_cast<double>(n);
-  m.variance = all / (0.5 * size * (size - 1));
-  m.dof = size - 1;
-  if (m.stations < 2 || m.runs < 2 || count[0] == 0 || !(sum[0] > 0)) return m;
-  m.variance = sum[0] / count[0];
-  const auto share = [&](int kind) {
-    return count[kind] > 0 ? std::clamp(1 - sum[kind] / count[kind] / m.variance, 0.0, 0.99) : 0.0;
-  };
-  m.station_share = share(1);
-  m.run_share = share(2);
-  if (const double both = m.station_share + m.run_share; both > 0.99) {
-    m.station_share *= 0.99 / both;
-    m.run_share *= 0.99 / both;
+  m.cells = cells.size();
+  const PairVariances pairs = VariancesOfPairs(m);
+  const double n = static_cast<double>(m.y.size());
+  m.dof = n - 1;
+  // One run (station) alone: its common effect cannot be seen, the variance is that about it.
+  const auto base = m.runs < 2       ? PairVariances::kRun
+                    : m.stations < 2 ? PairVariances::kStation
+                                     : PairVariances::kNothing;
+  if (!pairs.Any(base)) {
+    const auto total = [](const std::array<double, 4>& a) { return std::accumulate(a.begin(), a.end(), 0.0); };
+    m.variance = total(pairs.sum) / total(pairs.count);
+    return m;
   }
-  // The mean's variance in units of one value's: what stations add rests on their number, what runs add on theirs.
-  const double by_station = 2 * count[1] / size * m.station_share, by_run = 2 * count[2] / size * m.run_share;
-  const double total = 1 + by_station + by_run;
-  m.dof = std::max(1.0, total * total /
-                            (1 / (size - 1) + by_station * by_station / static_cast<double>(m.stations - 1) +
-                             by_run * by_run / static_cast<double>(m.runs - 1)));
+  m.variance = pairs.Of(base);
+  SetShares(pairs, base, &m);
+  m.dof = DegreesOfFreedom(m, pairs);
   return m;
 }
 
 // A campaign of the model with unit variance and mean zero.
 std::vector<double> Draw(const CrossedModel& m, Random* random) {
-  std::vector<double> station(m.stations), run(m.runs), y(m.y.size());
+  std::vector<double> station(m.stations), run(m.runs), cell(m.cells), y(m.y.size());
   for (double& v : station) v = std::sqrt(m.station_share) * random->Normal();
   for (double& v : run) v = std::sqrt(m.run_share) * random->Normal();
-  const double rest = std::sqrt(1 - m.station_share - m.run_share);
-  for (size_t i = 0; i < y.size(); ++i) y[i] = station[m.station[i]] + run[m.run[i]] + rest * random->Normal();
+  if (m.cell_share > 0) {
+    for (double& v : cell) v = std::sqrt(m.cell_share) * random->Normal();
+  }
+  const double rest = std::sqrt(1 - m.station_share - m.run_share - m.cell_share);
+  for (size_t i = 0; i < y.size(); ++i) {
+    y[i] = station[m.station[i]] + run[m.run[i]] + cell[m.cell[i]] + rest * random->Normal();
+  }
   return y;
 }
 

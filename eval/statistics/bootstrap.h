@@ -3,9 +3,10 @@
 // fails with the handful there is (the P90 of nine stations lies beyond what was seen in 40 % of campaigns).
 //
 // So this is a parametric bootstrap of a crossed random-effects model on the logarithm of the error,
-//   y_rs = mean + station_s + run_r + rest_rs,
-// variance components from the squared differences of pairs (same station, same run, neither), redrawn on the design
-// as it was (blanks stay blank). The spread is redrawn with the degrees of freedom that stations and runs leave
+//   y_rsk = mean + station_s + run_r + cell_rs + rest_rsk,
+// where a cell has the answers of one run at one station (several photos, several cameras). Variance components come
+// from the squared differences of pairs (same station, same run, both, neither); campaigns are redrawn on the design as
+// it was (blanks stay blank). The spread is redrawn with the degrees of freedom that stations and runs leave
 // (Satterthwaite 1946); above the median it is that of the upper half, so that a tail other than log-normal counts.
 // With one run (or one station) its common effect cannot be seen: the interval is then about that run (station).
 #pragma once

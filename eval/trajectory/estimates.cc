@@ -133,8 +133,9 @@ class PairSource {
   std::vector<size_t> rows_;
 };
 
-// Errors near in time are no independent evidence: blocks are resampled. The reference's part is taken out.
-void AddOwnRmse(const std::vector<Pair>& pairs, const EstimateScoreOptions& options, EstimateReport* report) {
+// Errors near in time are no independent evidence: blocks are resampled. What the reference is off by may be in the
+// estimate, too (both may rest on the same geotags): only the lower end is without it.
+void AddOwnInterval(const std::vector<Pair>& pairs, const EstimateScoreOptions& options, EstimateReport* report) {
   std::vector<std::pair<double, double>> blocks;  // sum of squares less the reference's variance; number
   double reference_variance = 0;
   int64_t begin = 0;
@@ -151,7 +152,6 @@ void AddOwnRmse(const std::vector<Pair>& pairs, const EstimateScoreOptions& opti
   report->reference_rms_m = std::sqrt(reference_variance);
   // A fit has taken out what the whole reference is off by, which is most of its variance.
   if (report->alignment != TrajectoryAlignment::kNone) reference_variance = 0;
-  report->own_rmse_m = std::sqrt(std::max(0.0, *report->rmse_m * *report->rmse_m - reference_variance));
   if (blocks.size() < 3) return;
   Random random(1);
   std::vector<double> means;
@@ -173,7 +173,7 @@ void AddOwnRmse(const std::vector<Pair>& pairs, const EstimateScoreOptions& opti
   const double high = mean + widen * (Quantile(means, 1 - tail) - mean);
   report->own_rmse_interval_m =
       Interval{std::sqrt(std::max(0.0, low - reference_variance * ChiSquareQuantile(1 - tail, 3) / 3)),
-               std::sqrt(std::max(0.0, high - reference_variance * ChiSquareQuantile(tail, 3) / 3))};
+               std::sqrt(std::max(0.0, high))};
 }
 
 // The rows, and what they sum up to.
@@ -382,7 +382,7 @@ EstimateReport ScoreEstimate(const std::string& system, const std::string& run, 
   pairs = Fitted(std::move(pairs), config.alignment);
 
   AddRows(reference, source.rows(), pairs, &report);
-  AddOwnRmse(pairs, options, &report);
+  AddOwnInterval(pairs, options, &report);
   AddRelative(pairs, options, &report);
 
   // What would explain the errors: clock, frame, lever arm.

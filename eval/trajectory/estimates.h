@@ -78,9 +78,8 @@ struct EstimateReport {
   ErrorStatistics error_3d, error_h, error_v;
   std::optional<double> rmse_m, rmse_rot_deg;
   double reference_rms_m = 0;  // 1 sigma in space of the reference, root mean square
-  // RMSE of the estimate itself: the reference's own uncertainty taken out. Blocks in time resampled; the reference's
-  // error may be the same all along.
-  std::optional<double> own_rmse_m;
+  // Of the estimate's own RMSE. Blocks in time are resampled; the lower end takes all of the reference's uncertainty
+  // out (the estimate does not share it), the upper end none (it does).
   std::optional<Interval> own_rmse_interval_m;
   RelativeSummary relative;
   std::optional<double> aligned_rmse_m;    // after a rigid fit

@@ -81,18 +81,18 @@ std::string FormatEstimates(const std::vector<EstimateReport>& reports, const st
   const auto length = [&](const std::optional<double>& metres) {
     return metres ? fmt::format("{:.3f}", *metres / metres_per_unit) : "-";
   };
-  std::vector<std::vector<std::string>> lines{{"system", "run", "answers", "attempts", "rmse", "its own",
-                                               "95 % interval", "RPE", "median", "P90", "P90 of attempts",
-                                               "horizontal median", "vertical median", "rot. deg rmse"}};
+  std::vector<std::vector<std::string>> lines{{"system", "run", "answers", "attempts", "rmse", "95 % interval", "RPE",
+                                               "median", "P90", "P90 of attempts", "horizontal median",
+                                               "vertical median", "rot. deg rmse"}};
   std::string notes;
   for (const EstimateReport& r : reports) {
-    lines.push_back(
-        {r.system, r.run, std::to_string(r.answers), std::to_string(r.attempts), length(r.rmse_m), length(r.own_rmse_m),
-         r.own_rmse_interval_m ? length(r.own_rmse_interval_m->low) + " to " + length(r.own_rmse_interval_m->high)
-                               : "-",
-         length(r.relative.rmse_m), length(r.error_3d.median), length(r.error_3d.p90), length(r.error_3d.p90_attempts),
-         length(r.error_h.median), length(r.error_v.median),
-         r.rmse_rot_deg ? fmt::format("{:.3f}", *r.rmse_rot_deg) : "-"});
+    lines.push_back({r.system, r.run, std::to_string(r.answers), std::to_string(r.attempts), length(r.rmse_m),
+                     r.own_rmse_interval_m
+                         ? length(r.own_rmse_interval_m->low) + " to " + length(r.own_rmse_interval_m->high)
+                         : "-",
+                     length(r.relative.rmse_m), length(r.error_3d.median), length(r.error_3d.p90),
+                     length(r.error_3d.p90_attempts), length(r.error_h.median), length(r.error_v.median),
+                     r.rmse_rot_deg ? fmt::format("{:.3f}", *r.rmse_rot_deg) : "-"});
     notes += fmt::format(
         "- {} on {}: poses of the {}, alignment {}; {} of {} images absent; the reference's own 1 sigma in "
         "space is {} {}\n",
@@ -101,8 +101,10 @@ std::string FormatEstimates(const std::vector<EstimateReport>& reports, const st
     for (const std::string& note : r.notes) notes += fmt::format("- {} on {}: {}\n", r.system, r.run, note);
   }
   return fmt::format(
-      "### Trajectories against the reference poses [{}]\n\n{}\nrmse: absolute trajectory error (ATE); `its own`: the "
-      "reference's uncertainty taken out; interval by blocks in time; RPE: relative error over pieces of {:g} m\n{}",
+      "### Trajectories against the reference poses [{}]\n\n{}\nrmse: absolute trajectory error (ATE); interval by "
+      "blocks "
+      "in time, its lower end without the reference's uncertainty, which the estimate may share; RPE: relative error "
+      "over pieces of {:g} m\n{}",
       unit, AlignMarkdown(lines), reports.empty() ? 0 : reports.front().relative.length_m, notes);
 }
 
@@ -118,7 +120,6 @@ nlohmann::json EstimatesJson(const std::vector<EstimateReport>& reports) {
                         {"answers", r.answers},
                         {"rmse_m", Json(r.rmse_m)},
                         {"rmse_rot_deg", Json(r.rmse_rot_deg)},
-                        {"own_rmse_m", Json(r.own_rmse_m)},
                         {"reference_sigma_m", r.reference_rms_m},
                         {"aligned_rmse_m", Json(r.aligned_rmse_m)},
                         {"rmse_with_offset_m", Json(r.rmse_with_offset_m)},

@@ -53,10 +53,30 @@ double Nees(const Eigen::Vector3d& error, const Eigen::Vector3d& sigma) {
   return error.cwiseQuotient(sigma).squaredNorm();
 }
 
-// Positions of the same cameras, estimated and true.
+// The same cameras, estimated and true.
 struct Pairs {
-  std::vector<Eigen::Vector3d> odom, world;
+  std::vector<Rigid3d> odom, world;
 };
+
+std::vector<Eigen::Vector3d> Centres(const std::vector<Rigid3d>& poses) {
+  std::vector<Eigen::Vector3d> centres;
+  for (const Rigid3d& pose : poses) centres.push_back(pose.translation);
+  return centres;
+}
+
+// Each camera as its centre and points beside it: on a straight stretch the cameras' own rotations fix the roll, which
+// centres leave open; where the path bends, centres are metres apart and decide.
+std::vector<Eigen::Vector3d> PointsBeside(const std::vector<Rigid3d>& poses) {
+  constexpr double kBesideM = 0.1;
+  std::vector<Eigen::Vector3d> points;
+  for (const Rigid3d& pose : poses) {
+    for (int axis = 0; axis < 3; ++axis) {
+      points.push_back(pose * Eigen::Vector3d(kBesideM * Eigen::Vector3d::Unit(axis)));
+      points.push_back(pose * Eigen::Vector3d(-kBesideM * Eigen::Vector3d::Unit(axis)));
+    }
+  }
+  return points;
+}
 
 Pairs CompareCameras(const LocalizeResult& result, const Truth& truth, int64_t max_ns, TruthEvaluation* evaluation) {
   Pairs pairs;
@@ -65,8 +85,8 @@ Pairs CompareCameras(const LocalizeResult& result, const Truth& truth, int64_t m
   for (const TimedPose& camera : truth.cameras) {
     const Eigen::Vector3d& position = camera.target_from_body.translation;
     if (const TimedPose* estimate = Nearest(result.cameras_odom, camera.stamp_ns, max_ns)) {
-      pairs.odom.push_back(estimate->target_from_body.translation);
-      pairs.world.push_back(position);
+      pairs.odom.push_back(estimate->target_from_body);
+      pairs.world.push_back(camera.target_from_body);
     }
     if (const TimedPose* estimate = Nearest(result.cameras, camera.stamp_ns, max_ns)) {
       const Eigen::Vector3d e = estimate->target_from_body.translation - position;
@@ -83,11 +103,10 @@ Pairs CompareCameras(const LocalizeResult& result, const Truth& truth, int64_t m
   }
   if (nees_count > 0) evaluation->camera_nees_per_dof = camera_nees / static_cast<double>(nees_count);
   if (pairs.odom.size() < 3) return pairs;
-  const auto rmse = [&](const Sim3d& fit) {
-    return Rmse(SquaredResiduals(fit, pairs.odom, pairs.world), pairs.odom.size());
-  };
-  evaluation->ate_se3_m = rmse(AlignPoints(pairs.odom, pairs.world, AlignmentKind::kSE3));
-  const Sim3d similarity = AlignPoints(pairs.odom, pairs.world, AlignmentKind::kSim3);
+  const std::vector<Eigen::Vector3d> odom = Centres(pairs.odom), world = Centres(pairs.world);
+  const auto rmse = [&](const Sim3d& fit) { return Rmse(SquaredResiduals(fit, odom, world), odom.size()); };
+  evaluation->ate_se3_m = rmse(AlignPoints(odom, world, AlignmentKind::kSE3));
+  const Sim3d similarity = AlignPoints(odom, world, AlignmentKind::kSim3);
   evaluation->ate_sim3_m = rmse(similarity);
   evaluation->scale_error = 1 / similarity.scale - 1;
   return pairs;
@@ -97,12 +116,12 @@ TruthError ErrorOf(const PanoramaResult& row, int station, const Rigid3d& world_
                    double fit_radius_m) {
   Pairs near;
   for (size_t i = 0; i < pairs.world.size(); ++i) {
-    if ((pairs.world[i] - world_from_pano.translation).norm() >= fit_radius_m) continue;
+    if ((pairs.world[i].translation - world_from_pano.translation).norm() >= fit_radius_m) continue;
     near.odom.push_back(pairs.odom[i]);
     near.world.push_back(pairs.world[i]);
   }
   const Pairs& used = near.odom.empty() ? pairs : near;
-  const Sim3d world_from_odom = AlignPoints(used.odom, used.world, AlignmentKind::kSE3);
+  const Sim3d world_from_odom = AlignPoints(PointsBeside(used.odom), PointsBeside(used.world), AlignmentKind::kSE3);
   TruthError error{.station = station, .panorama = row.panorama};
   const Rigid3d estimate = world_from_odom.TransformPose(*row.odom_from_pano);
   error.relative_m = (estimate.translation - world_from_pano.translation).norm();
@@ -143,6 +162,8 @@ TruthEvaluation EvaluateAgainstTruth(const LocalizeResult& result, const Truth& 
     const int station = NumberOf(row.station);
     const auto it = truth.panoramas.find(station);
     if (it == truth.panoramas.end()) throw InputError("station " + row.station + " is not in the truth");
+    if (pairs.odom.empty())
+      throw InputError("no camera of the run has a true pose at its time: is the truth of this run?");
     const TruthError error = ErrorOf(row, station, it->second, pairs, options.fit_radius_m);
     if (error.nees) panorama_nees += *error.nees, ++panorama_nees_count;
     answers.insert_or_assign(station, error);

@@ -31,7 +31,8 @@ struct TruthOptions {
 struct TruthError {
   int station = 0;
   std::string panorama;
-  // After the rigid, unscaled fit of the run's own cameras near the station: drift elsewhere does not count.
+  // After the rigid, unscaled fit of the run's own cameras near the station, their rotations included: drift elsewhere
+  // does not count.
   double relative_m = 0;
   double relative_rot_deg = 0;
   // World as it is; unset without a world position.

@@ -15,10 +15,13 @@
 namespace trigpoint {
 namespace {
 
-// A kind of campaign: shares of the variance that stations and runs have; the rest is the single answer's own.
+// A kind of campaign: shares of the variance that stations, runs, and the answers of one run at one station have; the
+// rest is the single answer's own.
 struct Design {
   int runs, stations;
   double station_share, run_share;
+  int answers = 1;  // of a run at a station
+  double cell_share = 0;
 };
 
 // Errors of one campaign, 15 % of the answers missing. Log-normal (sigma 0.8), or lengths of 3D vectors (Maxwell).
@@ -31,10 +34,13 @@ std::vector<ClusteredValue> Campaign(const Design& d, bool maxwell, Random* rand
   std::vector<ClusteredValue> errors;
   for (int r = 0; r < d.runs; ++r) {
     for (int s = 0; s < d.stations; ++s) {
-      const Row v = station[static_cast<size_t>(s)] + run[static_cast<size_t>(r)] +
-                    std::sqrt(1 - d.station_share - d.run_share) * normal();
-      const double error = maxwell ? v.norm() : std::exp(0.8 * v.x());
-      if (random->Uniform() < 0.85) errors.push_back({error, s, r});
+      Row common = station[static_cast<size_t>(s)] + run[static_cast<size_t>(r)];
+      if (d.cell_share > 0) common += std::sqrt(d.cell_share) * normal();
+      for (int k = 0; k < d.answers; ++k) {
+        const Row v = common + std::sqrt(1 - d.station_share - d.run_share - d.cell_share) * normal();
+        const double error = maxwell ? v.norm() : std::exp(0.8 * v.x());
+        if (random->Uniform() < 0.85) errors.push_back({error, s, r});
+      }
     }
   }
   return errors;
@@ -48,8 +54,9 @@ double TrueQuantile(bool maxwell, double q) {
 TEST(ClusteredQuantileInterval, CoversTheTruthAsStated) {
   constexpr int kCampaigns = 200;
   const BootstrapOptions options{.samples = 300};
-  for (const Design& d : {Design{1, 9, 0.5, 0}, Design{2, 9, 0, 0}, Design{2, 9, 0.5, 0.1}, Design{3, 9, 0.5, 0.2},
-                          Design{5, 9, 0, 0}, Design{5, 9, 0.4, 0.2}, Design{4, 20, 0.5, 0.1}}) {
+  for (const Design& d :
+       {Design{1, 9, 0.5, 0}, Design{2, 9, 0, 0}, Design{2, 9, 0.5, 0.1}, Design{3, 9, 0.5, 0.2}, Design{5, 9, 0, 0},
+        Design{5, 9, 0.4, 0.2}, Design{4, 20, 0.5, 0.1}, Design{1, 9, 0, 0, 6, 0.8}, Design{3, 9, 0.2, 0.1, 4, 0.5}}) {
     for (const bool maxwell : {false, true}) {
       for (const double q : {0.5, 0.9}) {
         Random random(17);
@@ -61,7 +68,8 @@ TEST(ClusteredQuantileInterval, CoversTheTruthAsStated) {
         }
         const std::string what = std::to_string(d.runs) + " runs, " + std::to_string(d.stations) +
                                  " stations, shares " + std::to_string(d.station_share) + " and " +
-                                 std::to_string(d.run_share) + (maxwell ? ", maxwell" : ", log-normal") +
+                                 std::to_string(d.run_share) + (maxwell ? ", maxwell" : ", log-normal") + ", " +
+                                 std::to_string(d.answers) + " answers, share " + std::to_string(d.cell_share) +
                                  ", quantile " + std::to_string(q);
         std::printf("%5.1f %% %s\n", 100.0 * covered / kCampaigns, what.c_str());
         EXPECT_GE(covered, 180) << what;

@@ -186,6 +186,14 @@ TEST(EvaluateCommand, UsesMeasuredOffsetsWhenAsked) {
              "estimated_north_m,estimated_up_m,sigma_east_m,sigma_north_m,sigma_up_m\n"
              "S3,pano3,3,contradicts,,0,0,1,1,0,1,0.01,0.01,0.02\nS4,pano4,4,unseen,,0,0,1,,,,,,\n");
   ASSERT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
+  const auto shared = [&](const std::string& station) {
+    const CsvTable errors = CsvTable::Read(fs::path(site.dir()) / "results/evaluate/errors.csv", {});
+    for (const CsvRow& row : errors.rows()) {
+      if (row.Text("station") == station && row.Text("reference") == "control" && row.Text("run") == "run1")
+        return row.Text("shares_evidence");
+    }
+    return std::string("no such row");
+  };
   const auto east = [&](const std::string& station) {
     const CsvTable errors = CsvTable::Read(fs::path(site.dir()) / "results/evaluate/errors.csv", {});
     for (const CsvRow& row : errors.rows()) {
@@ -195,11 +203,15 @@ TEST(EvaluateCommand, UsesMeasuredOffsetsWhenAsked) {
     return HUGE_VAL;
   };
   const double stated = east("S3"), other = east("S4");
+  EXPECT_EQ(shared("S3"), "no");
   const Finished estimated = Trigpoint({"evaluate", site.dir(), "--offsets", "estimated"});
   ASSERT_EQ(estimated.exit_code, 0) << estimated.err;
   EXPECT_THAT(site.Read("results/evaluate/tables.md"), HasSubstr("Offsets of 1 of 9 stations are estimated"));
   EXPECT_NEAR(east("S3"), stated - 1, 1e-6);
   EXPECT_NEAR(east("S4"), other, 1e-6);
+  // What its own panorama measured is no independent ground truth.
+  EXPECT_EQ(shared("S3"), "yes");
+  EXPECT_EQ(shared("S4"), "no");
 }
 
 // A gate on what was not evaluated is undecided, and a gate that nobody set changes nothing.

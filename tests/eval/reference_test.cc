@@ -212,6 +212,20 @@ TEST(ScoreEstimate, TruthWithNoiseIsScoredAsThatNoise) {
   EXPECT_GE(covered, 17);
 }
 
+// An estimate that rests on the same geotags shares what the reference is off by: its error is then its own, however
+// uncertain the reference is.
+TEST(ScoreEstimate, IntervalHoldsForAnEstimateThatSharesTheReferencesError) {
+  const Drive drive(6);
+  ReferencePoses reference = Estimate(drive);
+  for (ReferencePose& p : reference.poses) p.covariance.bottomRightCorner<3, 3>() += 0.5 * Eigen::Matrix3d::Identity();
+  const double sigma = 0.2, own = std::sqrt(3.0) * sigma;
+  const EstimateReport report =
+      ScoreEstimate("theirs", "run1", Noisy(drive, sigma, 0, 3), reference.poses, drive.input.cameras, {}, {});
+  ASSERT_TRUE(report.own_rmse_interval_m);
+  EXPECT_EQ(report.own_rmse_interval_m->low, 0);
+  EXPECT_GT(report.own_rmse_interval_m->high, own);
+}
+
 TEST(ScoreEstimate, FindsClockLeverArmFrameAndAbsence) {
   const Drive drive(5);
   const ReferencePoses reference = Estimate(drive);
