@@ -2,9 +2,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string_view>
 
 #include "app/cli/command.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/gps.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/text.h"
 #include "datasets/project/outputs.h"
 #include "eval/report/trajectory_plots.h"
@@ -36,19 +41,54 @@ bool IsGps(const fs::path& file) {
   return extension == ".csv" && ReadTextFile(file).find("latitude_deg") != std::string::npos;
 }
 
-// A GPS track in site ENU. One in a project's runs/<run>/ takes clock, lever arm and origin from there.
-PoseSequence ReadGps(const fs::path& file, const TrajectoryArguments& arguments, AssociationOptions* association) {
+// Whose GPS track the reference is.
+struct TrackedRun {
+  Eigen::Vector3d lever_arm_m;  // antenna in the body frame
+  std::vector<BodyCamera> cameras;
+};
+
+// The camera that a trajectory's poses are of, by its comments as this program writes them: world_from_cam0, or
+// world_from_cam for the run's first one. Null: poses of the body.
+const BodyCamera* CameraOf(const std::string& file, const std::vector<BodyCamera>& cameras) {
+  constexpr std::string_view kFrom = "_from_";
+  const std::string text = ReadTextFile(file);
+  std::vector<std::string_view> comments;
+  DataLines(text, &comments);
+  for (const std::string_view comment : comments) {
+    const size_t at = comment.rfind(kFrom);
+    if (at == std::string_view::npos) continue;
+    std::string_view name = comment.substr(at + kFrom.size());
+    name = name.substr(0, name.find_first_of(" ;"));
+    for (const BodyCamera& camera : cameras) {
+      if (name == camera.name || name == "cam") return &camera;
+    }
+  }
+  return nullptr;
+}
+
+// The run's clock and antenna are of the body: brings both to what the estimate's poses are of.
+void ReferToBody(const TrackedRun& run, const std::string& file, PoseSequence* estimate,
+                 AssociationOptions* association) {
+  const BodyCamera* camera = CameraOf(file, run.cameras);
+  association->estimate_body_from_reference_body.translation =
+      camera != nullptr ? camera->cam_from_body * run.lever_arm_m : run.lever_arm_m;
+  if (camera == nullptr) return;
+  for (int64_t& stamp : estimate->stamps_ns) stamp = BodyStamp(stamp, *camera);
+}
+
+// A GPS track in site ENU. One in a project's runs/<run>/ takes clock, lever arm and origin from there: `of`.
+PoseSequence ReadGps(const fs::path& file, const TrajectoryArguments& arguments, std::optional<TrackedRun>* of) {
   const fs::path run_dir = fs::absolute(file).lexically_normal().parent_path();
   RunClock clock;
   std::optional<LocalFrame> frame;
+  int64_t offset_ns = 0;
   if (run_dir.parent_path().filename() == "runs") {
     const Project project = Project::Open(run_dir.parent_path().parent_path());
-    const RunConfig& config = project.run(run_dir.filename().string()).config;
-    clock = {config.time_zero_utc_ns, config.date};
+    const Run& run = project.run(run_dir.filename().string());
+    clock = {run.config.time_zero_utc_ns, run.config.date};
+    offset_ns = std::llround(run.config.gps_time_offset_s * 1e9);
     if (project.has_frame()) frame = project.frame();
-    if (arguments.lever_arm.empty()) {
-      association->estimate_body_from_reference_body.translation = config.gps_lever_arm_m;
-    }
+    if (arguments.lever_arm.empty()) *of = TrackedRun{run.config.gps_lever_arm_m, run.cameras};
   }
   if (!arguments.time_zero.empty()) {
     clock.time_zero_utc_ns = ParseUtcToNs(arguments.time_zero);
@@ -58,10 +98,11 @@ PoseSequence ReadGps(const fs::path& file, const TrajectoryArguments& arguments,
     clock.date = arguments.time_zero.substr(0, 10);
   }
   const std::string extension = file.extension().string();
-  const GpsTrack track = extension == ".nmea"  ? ReadNmea(file, clock)
-                         : extension == ".gpx" ? ReadGpx(file, clock)
-                                               : ReadGpsCsv(file);
+  GpsTrack track = extension == ".nmea"  ? ReadNmea(file, clock)
+                   : extension == ".gpx" ? ReadGpx(file, clock)
+                                         : ReadGpsCsv(file);
   if (track.fixes.empty()) throw InputError(file.string() + ": expected a GPS track, found no fix");
+  for (GpsFix& fix : track.fixes) fix.stamp_ns += offset_ns;
   if (arguments.origin.size() == 3) {
     frame = LocalFrame(Geodetic{arguments.origin[0], arguments.origin[1], arguments.origin[2]});
   }
@@ -79,8 +120,10 @@ struct Compared {
   std::optional<FrameDifference> frames;  // without --align
 };
 
-Compared Compare(const std::string& file, const PoseSequence& reference, const TrajectoryReportOptions& options) {
-  const PoseSequence estimate = ReadPoseSequence(file);
+Compared Compare(const std::string& file, const PoseSequence& reference, const std::optional<TrackedRun>& of,
+                 TrajectoryReportOptions options) {
+  PoseSequence estimate = ReadPoseSequence(file);
+  if (of) ReferToBody(*of, file, &estimate, &options.association);
   Compared compared{EvaluateTrajectory(file, reference, estimate, options), {}, {}};
   AssociationOptions association = options.association;
   association.offset_s = compared.report.applied_offset_s;
@@ -187,9 +230,9 @@ int Score(const Session& session, const TrajectoryArguments& arguments) {
   for (const std::string& text : arguments.relative) options.relative.push_back(ParseRelative(text));
   for (RelativeOptions& relative : options.relative) relative.all_pairs = arguments.all_pairs;
 
-  const PoseSequence reference = IsGps(arguments.reference)
-                                     ? ReadGps(arguments.reference, arguments, &options.association)
-                                     : ReadPoseSequence(arguments.reference);
+  std::optional<TrackedRun> of;
+  const PoseSequence reference =
+      IsGps(arguments.reference) ? ReadGps(arguments.reference, arguments, &of) : ReadPoseSequence(arguments.reference);
   std::vector<Compared> all;
   std::vector<TrajectoryReport> reports;
   std::vector<std::pair<std::string, std::string>> failed;
@@ -198,7 +241,7 @@ int Score(const Session& session, const TrajectoryArguments& arguments) {
   for (const std::string& file : arguments.estimates) {
     session.cancel->ThrowIfCancelled();
     try {
-      all.push_back(Compare(file, reference, options));
+      all.push_back(Compare(file, reference, of, options));
       reports.push_back(all.back().report);
     } catch (const Error& e) {  // the others go on
       const std::string what = e.what();
@@ -271,7 +314,8 @@ void AddTrajectoryCommand(CLI::App& app, Session& session) {
                    "take a piece of the path from every pose on, instead of consecutive pieces");
   command
       .add_option("--lever-arm", a->lever_arm,
-                  "X Y Z, m: where the reference's point lies in the estimate's body (the antenna, another camera)")
+                  "X Y Z, m: where the reference's point lies in the estimate's body (the antenna, another camera); "
+                  "default for the GPS track of a run: the antenna by run.yaml")
       ->expected(3);
   command.add_option("--origin", a->origin, "LAT LON HEIGHT (deg, deg, m) of the frame that a GPS track is put into")
       ->expected(3);

@@ -8,6 +8,7 @@
 
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/reference_tags.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/site_sketch.h"
@@ -42,7 +43,7 @@ std::vector<PlannedSight> SightsSeen(const SurveyInput& input, const SurveyResul
     const auto camera = std::find_if(its.cameras.begin(), its.cameras.end(),
                                      [&](const BodyCamera& c) { return c.name == image.camera; });
     const auto c = static_cast<int>(camera == its.cameras.end() ? 0 : camera - its.cameras.begin());
-    const int64_t stamp = image.stamp_ns + std::llround(its.cameras[static_cast<size_t>(c)].time_offset_s * 1e9);
+    const int64_t stamp = BodyStamp(image.stamp_ns, its.cameras[static_cast<size_t>(c)]);
     const int frame = frame_at(stamp);
     for (const TagDetection& d : image.detections) {
       if (frame < 0 || !used.contains({stamp, c, d.id})) continue;
@@ -125,6 +126,7 @@ size_t SiteCheck::Look(size_t most, ProgressSink& progress, const CancelToken& c
   waiting_.clear();
   std::vector<PendingPicture> pending = watch_.Pending(project_->site(), *log_, &waiting_);
   WatchVideos();
+  WatchReferences();
   WatchSets(progress);
   for (size_t k = most; k < pending.size(); ++k) ++waiting_[pending[k].run->name];
   pending.resize(std::min(most, pending.size()));
@@ -173,7 +175,7 @@ std::vector<std::pair<fs::path, FileStamp>> SiteCheck::Others() const {
 }
 
 bool SiteCheck::Waits() const {
-  return !videos_arriving_.empty() ||
+  return !videos_arriving_.empty() || references_arriving_ ||
          std::any_of(waiting_.begin(), waiting_.end(), [](const auto& run) { return run.second > 0; }) ||
          std::any_of(watched_sets_.begin(), watched_sets_.end(), [](const auto& set) { return !set.stable; });
 }

@@ -58,6 +58,7 @@ class SiteCheck {
   void ReadSets();
   void WatchSets(ProgressSink& progress);
   void WatchVideos();
+  void WatchReferences();
   void AddPlanned(FieldFacts* facts) const;
   DetectionsOfRuns DetectionsOf(const FieldFacts& facts) const;
   // Of the runs that can take part; the others' reasons go to facts->unmapped. Nothing: none can, see map_problem.
@@ -93,6 +94,7 @@ class SiteCheck {
   std::map<std::string, int> waiting_;
   std::map<std::string, std::string> videos_arriving_, videos_unreadable_;  // as FieldFacts has them
   std::vector<WatchedSet> watched_sets_;
+  bool references_arriving_ = false;  // a panorama or photo is being copied
   std::unique_ptr<Matching> matching_;
   std::map<std::string, std::pair<std::string, FieldSet>> sets_;  // by name: WatchedSet::like, what its photos show
   std::map<std::string, std::pair<FileStamp, std::string>> references_;  // by name: as it was read, why it cannot be

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 
@@ -164,12 +165,14 @@ const FieldPicture* PictureLog::Find(const std::string& run, const std::string& 
 }
 
 bool FolderWatch::IsStable(const fs::path& file, const FileStamp& stamp) {
-  const auto [it, fresh] = last_.try_emplace(file, stamp);
-  const bool same = it->second == stamp;
-  it->second = stamp;
-  const auto now =
-      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
-  return same && stamp.size > 0 && now - stamp.changed_ns > kStable_ns;
+  const auto now = std::chrono::steady_clock::now();
+  const auto [it, fresh] = last_.try_emplace(file, Seen{stamp, now});
+  const bool same = it->second.stamp == stamp;
+  if (!same) it->second = {stamp, now};
+  // A file of a camera or server whose clock is ahead is dated in the future: it counts from when it was first seen so.
+  const auto ns = [](auto duration) { return std::chrono::nanoseconds(duration).count(); };
+  const int64_t age_ns = ns(std::chrono::system_clock::now().time_since_epoch()) - stamp.changed_ns;
+  return same && stamp.size > 0 && std::max(age_ns, int64_t{ns(now - it->second.since)}) > kStable_ns;
 }
 
 std::vector<PendingPicture> FolderWatch::Pending(const Site& site, const PictureLog& log,

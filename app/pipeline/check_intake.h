@@ -1,6 +1,7 @@
 // What `check` has seen of a folder that still grows: one line a picture, so that a kill loses the picture in hand.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -50,13 +51,17 @@ struct PendingPicture {
 class FolderWatch {
  public:
   // Pictures that are not in the log, in order of runs and time, and how many of each run are still being copied: such
-  // that changed within the last second, or since the last call.
+  // that changed within the last second, by their own time or since they were first seen like this.
   std::vector<PendingPicture> Pending(const Site& site, const PictureLog& log, std::map<std::string, int>* waiting);
   // The same of any file.
   bool IsStable(const std::filesystem::path& file, const FileStamp& stamp);
 
  private:
-  std::map<std::filesystem::path, FileStamp> last_;
+  struct Seen {
+    FileStamp stamp;
+    std::chrono::steady_clock::time_point since;
+  };
+  std::map<std::filesystem::path, Seen> last_;
 };
 
 // Looks for tags, blur and exposure in pictures and adds a line for each to the log as soon as it is done. In a process

@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
 #include "calib/geometry/pose_readings.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 
@@ -134,7 +134,7 @@ std::vector<MeasuredTurn> TurnsOf(const FieldRun& run, const PairLog& log) {
     const SharedView* shared = log.Find(run.run->name, a, b);
     if (shared == nullptr || !shared->b_from_a) continue;
     const BodyCamera& camera = run.run->cameras[static_cast<size_t>(a.camera)];
-    const auto stamp = [&](const FieldPicture& p) { return p.stamp_ns + std::llround(camera.time_offset_s * 1e9); };
+    const auto stamp = [&](const FieldPicture& p) { return BodyStamp(p.stamp_ns, camera); };
     turns.push_back({stamp(a), stamp(b), camera.cam_from_body.rotation, *shared->b_from_a, shared->direction,
                      shared->sigma_direction_rad});
   }

@@ -117,6 +117,19 @@ void SiteCheck::ReadReferences() {
   });
 }
 
+// So that one look at the folder waits for panoramas and photos as it waits for a run's pictures.
+void SiteCheck::WatchReferences() {
+  references_arriving_ = false;
+  for (const Reference& reference : project_->site().references) {
+    if (reference.kind == ReferenceKind::kPhotoSet || reference.files.empty()) continue;
+    const fs::path& file = reference.files.front();
+    const FileStamp stamp = StampOf(file);
+    const auto known = references_.find(reference.name);
+    if (known != references_.end() && known->second.first == stamp) continue;
+    references_arriving_ |= !watch_.IsStable(file, stamp) && stamp.size > 0;
+  }
+}
+
 // A picture is read once, and again only after it changed.
 void SiteCheck::AddReferences(CheckOutcome* outcome) {
   FieldFacts* facts = &outcome->facts;

@@ -111,8 +111,8 @@ void RequireResultsAsWritten(const Project& project, const ExportRequest& reques
 
 // A trajectory of a run as localized.
 struct Path {
-  std::string name;  // cameras, cameras_odom, panoramas
-  std::string frame;
+  std::string name;       // cameras, cameras_odom, panoramas
+  std::string frame, of;  // poses frame_from_of
   std::vector<TimedPose> poses;
 };
 
@@ -125,14 +125,14 @@ std::vector<Path> PathsOf(const Project& project, const ExportRequest& request, 
     const std::string suffix = camera.name == project.run(run).cameras.front().name ? "" : "_" + camera.name;
     const fs::path world = dir / ("cameras" + suffix + ".tum"), odom = dir / ("cameras_odom" + suffix + ".tum");
     if (!wants_odom && fs::exists(world)) {
-      paths.push_back({"cameras" + suffix, "world", ReadTrajectory(world).poses});
+      paths.push_back({"cameras" + suffix, "world", camera.name, ReadTrajectory(world).poses});
     } else if (wants_world) {
       throw InputError("run " + run + ": is not georeferenced (see its log.txt); use --frame odom");
     }
     if (!wants_world && fs::exists(odom))
-      paths.push_back({"cameras_odom" + suffix, "odom", ReadTrajectory(odom).poses});
+      paths.push_back({"cameras_odom" + suffix, "odom", camera.name, ReadTrajectory(odom).poses});
   }
-  Path panoramas{"panoramas", wants_odom ? "odom" : "world", {}};
+  Path panoramas{"panoramas", wants_odom ? "odom" : "world", "pano", {}};
   int64_t number = 0;
   for (const PanoramaResult& p : ReadLocalizeResult(dir).panoramas) {
     const auto& pose = wants_odom ? p.odom_from_pano : p.world_from_pano;
@@ -154,9 +154,8 @@ void ExportTrajectories(const Project& project, const ExportRequest& request, co
           kind == "panoramas" ? "timestamp: row of panoramas.csv, from 0" : "timestamp: s, run's clock";
       report->files.push_back(out / (path.name + ".tum"));
       WriteTum(report->files.back(), path.poses,
-               {"trigpoint trajectory 1; frame=" + path.frame + "; pose=" + path.frame + "_from_" +
-                    (kind == "cameras" ? "cam" : "pano"),
-                times, "timestamp tx ty tz qx qy qz qw"});
+               {"trigpoint trajectory 1; frame=" + path.frame + "; pose=" + path.frame + "_from_" + path.of, times,
+                "timestamp tx ty tz qx qy qz qw"});
     } else {
       std::vector<Rigid3d> poses;
       std::string times;

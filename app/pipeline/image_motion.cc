@@ -14,11 +14,6 @@
 namespace trigpoint {
 namespace {
 
-// The time of a body pose that an image belongs to.
-int64_t PoseStamp(const Run& run, const ImageEntry& image) {
-  return image.stamp_ns + std::llround(run.cameras[static_cast<size_t>(image.camera)].time_offset_s * 1e9);
-}
-
 // Root mean square distance from their mean.
 double Spread(const std::vector<Eigen::Vector3d>& places) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -103,7 +98,9 @@ void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site
   run->config.odometry_levelled = false;
   std::set<int64_t> placed;
   for (const TimedPose& pose : run->odometry.poses) placed.insert(pose.stamp_ns);
-  std::erase_if(run->images, [&](const ImageEntry& i) { return placed.count(PoseStamp(*run, i)) == 0; });
+  std::erase_if(run->images, [&](const ImageEntry& i) {
+    return placed.count(BodyStamp(i.stamp_ns, run->cameras[static_cast<size_t>(i.camera)])) == 0;
+  });
 }
 
 void TakeCameras(const std::vector<SelfCalibration>& found, Run* run) {

@@ -1,10 +1,10 @@
 #include "app/pipeline/localize_files.h"
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 
 #include "calib/base/error.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
@@ -432,8 +432,7 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
   // Sorted by the moments they show: cameras with clocks of their own may list them in another order.
   std::vector<std::pair<int64_t, const ImageEntry*>> by_moment;
   for (const ImageEntry& entry : run.images) {
-    const int64_t shift = std::llround(run.cameras[static_cast<size_t>(entry.camera)].time_offset_s * 1e9);
-    by_moment.emplace_back(entry.stamp_ns + shift, &entry);
+    by_moment.emplace_back(BodyStamp(entry.stamp_ns, run.cameras[static_cast<size_t>(entry.camera)]), &entry);
   }
   std::stable_sort(by_moment.begin(), by_moment.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   for (const auto& [stamp, its] : by_moment) {

@@ -263,8 +263,7 @@ std::vector<TimedPose> AllPoses(const Run& run, const std::vector<TimedPose>& pl
     return Interpolate(*last, *next, share);
   };
   for (const ImageEntry& image : run.images) {
-    const int64_t stamp =
-        image.stamp_ns + std::llround(run.cameras[static_cast<size_t>(image.camera)].time_offset_s * 1e9);
+    const int64_t stamp = BodyStamp(image.stamp_ns, run.cameras[static_cast<size_t>(image.camera)]);
     if (!poses.empty() && poses.back().stamp_ns == stamp) continue;
     if (const auto pose = known(stamp)) poses.push_back({stamp, *pose});
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "datasets/io/camchain.h"
 #include "datasets/io/motion_rates.h"
 #include "localize/reconstruct/rolling_shutter.h"
 
@@ -33,7 +34,7 @@ void MoveToImageTimes(const Run& run, const TagSizes& sizes, std::vector<ImageDe
   std::vector<int64_t> stamps;
   for (const ImageDetections& image : *images) {
     const BodyCamera* camera = RollingCamera(run, image.camera);
-    stamps.push_back(image.stamp_ns + std::llround(1e9 * (camera != nullptr ? camera->time_offset_s : 0)));
+    stamps.push_back(camera != nullptr ? BodyStamp(image.stamp_ns, *camera) : image.stamp_ns);
   }
   const std::vector<MotionRate> rates = RatesAt(run.odometry, stamps);
   for (size_t i = 0; i < images->size(); ++i) {

@@ -354,17 +354,6 @@ std::vector<std::string_view> ColmapFields(std::string_view line) {
 }
 
 CameraFile ReadColmapCameras(const fs::path& file, const std::string& text) {
-  static constexpr const char* kNames[] = {"SIMPLE_PINHOLE",
-                                           "PINHOLE",
-                                           "SIMPLE_RADIAL",
-                                           "RADIAL",
-                                           "OPENCV",
-                                           "OPENCV_FISHEYE",
-                                           "FULL_OPENCV",
-                                           "FOV",
-                                           "SIMPLE_RADIAL_FISHEYE",
-                                           "RADIAL_FISHEYE",
-                                           "THIN_PRISM_FISHEYE"};
   CameraFile result;
   result.format = "COLMAP";
   for (const auto& [line, number] : DataLines(text)) {
@@ -373,9 +362,18 @@ CameraFile ReadColmapCameras(const fs::path& file, const std::string& text) {
     if (fields.empty()) throw InputError(where + ": expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, as COLMAP writes it");
     ColmapCamera camera;
     camera.model_name = std::string(fields[1]);
-    camera.model_id = static_cast<int>(std::find(std::begin(kNames), std::end(kNames), camera.model_name) - kNames);
-    camera.width = static_cast<int>(*ParseInt(fields[2]));
-    camera.height = static_cast<int>(*ParseInt(fields[3]));
+    const ColmapModelInfo* model = FindColmapModel(fields[1]);
+    if (model == nullptr) {
+      throw InputError(where + ": unknown camera model " + camera.model_name +
+                       "; expected one of COLMAP's, e.g. PINHOLE or OPENCV");
+    }
+    camera.model_id = model->id;
+    camera.width = PictureSide(static_cast<double>(*ParseInt(fields[2])));
+    camera.height = PictureSide(static_cast<double>(*ParseInt(fields[3])));
+    if (camera.width == 0 || camera.height == 0) {
+      throw InputError(fmt::format("{}: expected the size of the pictures, 1 to 1000000 px, found {} x {}", where,
+                                   fields[2], fields[3]));
+    }
     for (size_t i = 4; i < fields.size(); ++i) {
       const auto value = ParseDouble(fields[i]);
       if (!value) throw InputError(where + ": expected a number, found '" + std::string(fields[i]) + "'");

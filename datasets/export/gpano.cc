@@ -6,18 +6,20 @@
 #include <exiv2/exiv2.hpp>
 
 #include "calib/base/error.h"
+#include "datasets/io/panorama_writer.h"
 #include "datasets/project/files.h"
 
 namespace trigpoint {
 namespace {
 
-// Degrees, minutes and 1e-6 seconds (0.03 mm).
-std::string Sexagesimal(double angle_deg) {
-  const auto micro = static_cast<int64_t>(std::llround(std::abs(angle_deg) * 3600e6));
-  return fmt::format("{}/1 {}/1 {}/1000000", micro / 3'600'000'000, micro / 60'000'000 % 60, micro % 60'000'000);
+// What the GPS tags state: the height is above the ellipsoid.
+PanoramaMetadata PositionOf(const PanoramaPose& pose) {
+  PanoramaMetadata metadata;
+  metadata.position = pose.position;
+  metadata.has_height = true;
+  if (pose.sigma_h_m > 0) metadata.sigma_h_m = pose.sigma_h_m;
+  return metadata;
 }
-
-std::string Thousandths(double value) { return fmt::format("{}/1000", std::llround(std::abs(value) * 1000)); }
 
 }  // namespace
 
@@ -49,17 +51,9 @@ void WritePanoramaWithPose(const std::filesystem::path& picture, const std::file
     xmp["Xmp.GPano.PosePitchDegrees"] = fmt::format("{:.4f}", pose.attitude.pitch_rad * kRadToDeg);
     xmp["Xmp.GPano.PoseRollDegrees"] = fmt::format("{:.4f}", pose.attitude.roll_rad * kRadToDeg);
     Exiv2::ExifData& exif = image->exifData();
-    exif["Exif.GPSInfo.GPSVersionID"] = "2 3 0 0";
-    exif["Exif.GPSInfo.GPSMapDatum"] = "WGS-84";
-    exif["Exif.GPSInfo.GPSLatitudeRef"] = pose.position.latitude_deg < 0 ? "S" : "N";
-    exif["Exif.GPSInfo.GPSLatitude"] = Sexagesimal(pose.position.latitude_deg);
-    exif["Exif.GPSInfo.GPSLongitudeRef"] = pose.position.longitude_deg < 0 ? "W" : "E";
-    exif["Exif.GPSInfo.GPSLongitude"] = Sexagesimal(pose.position.longitude_deg);
-    exif["Exif.GPSInfo.GPSAltitudeRef"] = pose.position.height_m < 0 ? "3" : "2";  // EXIF 3: of the ellipsoid
-    exif["Exif.GPSInfo.GPSAltitude"] = Thousandths(pose.position.height_m);
+    WriteExifPosition(PositionOf(pose), &exif);
     exif["Exif.GPSInfo.GPSImgDirectionRef"] = "T";
-    exif["Exif.GPSInfo.GPSImgDirection"] = Thousandths(heading_deg);
-    if (pose.sigma_h_m > 0) exif["Exif.GPSInfo.GPSHPositioningError"] = Thousandths(pose.sigma_h_m);
+    exif["Exif.GPSInfo.GPSImgDirection"] = fmt::format("{}/1000", std::llround(std::abs(heading_deg) * 1000));
     if (!pose.copyright.empty()) exif["Exif.Image.Copyright"] = pose.copyright;
     image->writeMetadata();
   } catch (const Exiv2::AnyError& e) {

@@ -5,6 +5,7 @@
 #include <exiv2/exiv2.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
@@ -56,6 +57,25 @@ std::string JpegOf(const fs::path& file, ImportReport* report) {
   io.open();
   const Exiv2::DataBuf all = io.read(static_cast<long>(io.size()));
   return {reinterpret_cast<const char*>(all.pData_), static_cast<size_t>(all.size_)};
+}
+
+// Pictures that need no conversion, then HEIC ones, each by name. A HEIC beside one of its name is the same photo.
+std::vector<fs::path> PhotosIn(const fs::path& folder, ImportReport* report) {
+  std::vector<fs::path> photos = PicturesIn(folder);
+  std::sort(photos.begin(), photos.end());
+  std::set<fs::path> stems, heic;
+  for (const fs::path& photo : photos) stems.insert(photo.stem());
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.is_regular_file() && IsHeicName(entry.path())) heic.insert(entry.path());
+  }
+  std::vector<fs::path> doubled;
+  for (const fs::path& file : heic) (stems.insert(file.stem()).second ? photos : doubled).push_back(file);
+  if (!doubled.empty()) {
+    report->warnings.push_back(
+        fmt::format("{}: {} left out, as another picture of the same name is beside it and is used (the first: {})",
+                    folder.string(), Counted(doubled.size(), "HEIC picture"), doubled.front().filename().string()));
+  }
+  return photos;
 }
 
 }  // namespace
@@ -112,12 +132,8 @@ ImportReport ImportPhotos(const fs::path& site, const fs::path& folder, const st
   }
   const fs::path out = site / "photos" / set;
   if (fs::exists(out)) throw InputError(out.string() + ": is there already; choose another --name");
-  std::vector<fs::path> files = PicturesIn(folder);
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.is_regular_file() && IsHeicName(entry.path())) files.push_back(entry.path());
-  }
-  std::sort(files.begin(), files.end());
   ImportReport report;
+  const std::vector<fs::path> files = PhotosIn(folder, &report);
   MadeFiles made;
   progress.Begin("photos", static_cast<int64_t>(files.size()));
   int converted = 0;

@@ -63,7 +63,10 @@ std::optional<PanoramaRecord> ReadRecord(const json& object, const std::string& 
         fmt::format("panorama {}: latitude {}, longitude {} is out of range", record.id, *latitude, *longitude));
   }
   record.position = {*latitude, *longitude, 0};
-  if (const auto height = Number(place, {"altitude", "elevation", "height", "height_m"})) {
+  auto height = Number(place, {"altitude", "elevation", "height_m"});
+  // Beside a width it is the picture's, in pixels.
+  if (!height && Member(place, {"width"}) == nullptr) height = Number(place, {"height"});
+  if (height) {
     record.position.height_m = *height;
     record.has_height = true;
   }

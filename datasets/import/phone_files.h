@@ -16,7 +16,8 @@ namespace trigpoint {
 cv::Mat ReadHeic(const std::filesystem::path& file, std::vector<uint8_t>* exif);
 
 // Every HEIC of a folder as JPEG with its EXIF in SITE/photos/<set>/ (a hand-held set), other pictures copied beside
-// them. Throws InputError if the set is there already or nothing can be read.
+// them. Of a HEIC and another picture of one name, as phones export both, the other one is used, with a warning. Throws
+// InputError if the set is there already or nothing can be read.
 ImportReport ImportPhotos(const std::filesystem::path& site, const std::filesystem::path& folder,
                           const std::string& set, ProgressSink& progress, const CancelToken& cancel);
 

@@ -203,6 +203,10 @@ std::vector<BodyCamera> ReadCamchain(const std::filesystem::path& file) {
   return cameras;
 }
 
+int64_t BodyStamp(int64_t image_stamp_ns, const BodyCamera& camera) {
+  return image_stamp_ns + std::llround(camera.time_offset_s * 1e9);
+}
+
 void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,
                    const std::vector<std::string>& comments) {
   std::string text;

@@ -1,6 +1,7 @@
 // Calibrated cameras as Kalibr writes them: camchain.yaml.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <vector>
 
@@ -21,6 +22,10 @@ Rigid3d RigidFromMatrix(const Eigen::Matrix4d& m);
 
 // A camera that looks along the body's x axis, upright: cam_from_body where nothing says how it is mounted.
 Rigid3d LevelForwardCamera();
+
+// The time of the body's pose that an image belongs to: its stamp on the camera's clock, shifted to the body's (the
+// clock of odometry and GPS).
+int64_t BodyStamp(int64_t image_stamp_ns, const BodyCamera& camera);
 
 // Writes the same form (atomically), the views of a 360 camera as that camera; T_cam_imu where has_extrinsics, else
 // T_cn_cnm1 from the camera before.

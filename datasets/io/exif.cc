@@ -50,6 +50,18 @@ std::optional<double> Angle(const Tags& tags, const char* key, const char* ref_k
   return tags.Text(ref_key).starts_with(negative) ? -value : value;
 }
 
+// GPSAltitudeRef 0 and 1 are above and below the sea up to EXIF 2.32, and above and below the ellipsoid from EXIF 3.0
+// on, which has 2 and 3 for the sea (CIPA DC-008-2023, 4.6.7.1.6). The GPS tags state a version of their own, 2.4 in
+// EXIF 3.0; it decides where it is stated, since programs that know EXIF 2 alone add GPS tags to pictures of newer
+// cameras.
+bool IsAboveSea(const Tags& tags, double altitude_ref) {
+  if (altitude_ref >= 2) return true;
+  const auto major = tags.Number("Exif.GPSInfo.GPSVersionID", 0), minor = tags.Number("Exif.GPSInfo.GPSVersionID", 1);
+  if (major && minor) return *major != 2 || *minor < 4;
+  const auto tens = tags.Number("Exif.Photo.ExifVersion", 0), ones = tags.Number("Exif.Photo.ExifVersion", 1);
+  return !tens || !ones || 10 * (*tens - '0') + (*ones - '0') < 3;  // "0300": a digit a byte
+}
+
 void ReadGps(const Tags& tags, PhotoMetadata* metadata) {
   const auto latitude = Angle(tags, "Exif.GPSInfo.GPSLatitude", "Exif.GPSInfo.GPSLatitudeRef", 'S');
   const auto longitude = Angle(tags, "Exif.GPSInfo.GPSLongitude", "Exif.GPSInfo.GPSLongitudeRef", 'W');
@@ -58,11 +70,10 @@ void ReadGps(const Tags& tags, PhotoMetadata* metadata) {
       (*latitude != 0 || *longitude != 0)) {
     metadata->position = Geodetic{*latitude, *longitude, 0};
     if (const auto height = tags.Number("Exif.GPSInfo.GPSAltitude")) {
-      // 0, 1: above, below the sea; 2, 3: above, below the ellipsoid (EXIF 3).
       const auto ref = tags.Number("Exif.GPSInfo.GPSAltitudeRef");
       metadata->position->height_m = ref == 1 || ref == 3 ? -*height : *height;
       metadata->has_height = true;
-      metadata->height_above_sea = ref && *ref < 2;
+      metadata->height_above_sea = ref && IsAboveSea(tags, *ref);
     }
     const auto error = tags.Number("Exif.GPSInfo.GPSHPositioningError");
     if (error && *error > 0) metadata->sigma_h_m = error;

@@ -25,13 +25,13 @@ std::string UtcText(int64_t ns, const char* format) {
   return text;
 }
 
-// Degrees, minutes, seconds to a ten-thousandth: 3 mm.
+// Degrees, minutes, seconds to a millionth: 0.03 mm.
 Exiv2::URationalValue Sexagesimal(double degrees) {
-  const int64_t units = std::llround(std::abs(degrees) * 3600 * 10000);
+  const int64_t micro = std::llround(std::abs(degrees) * 3600e6);
   Exiv2::URationalValue value;
-  value.value_.emplace_back(static_cast<uint32_t>(units / 36'000'000), 1);
-  value.value_.emplace_back(static_cast<uint32_t>(units / 600'000 % 60), 1);
-  value.value_.emplace_back(static_cast<uint32_t>(units % 600'000), 10000);
+  value.value_.emplace_back(static_cast<uint32_t>(micro / 3'600'000'000), 1);
+  value.value_.emplace_back(static_cast<uint32_t>(micro / 60'000'000 % 60), 1);
+  value.value_.emplace_back(static_cast<uint32_t>(micro % 60'000'000), 1'000'000);
   return value;
 }
 
@@ -52,23 +52,6 @@ cv::Rect PutPart(const PanoramaMetadata& m, Exiv2::XmpData* xmp) {
   put("CroppedAreaLeftPixels", part.x);
   put("CroppedAreaTopPixels", part.y);
   return part;
-}
-
-void PutPosition(const PanoramaMetadata& m, Exiv2::ExifData& exif) {
-  exif["Exif.GPSInfo.GPSVersionID"] = "2 3 0 0";
-  exif["Exif.GPSInfo.GPSMapDatum"] = "WGS-84";
-  exif["Exif.GPSInfo.GPSLatitudeRef"] = m.position->latitude_deg < 0 ? "S" : "N";
-  exif["Exif.GPSInfo.GPSLongitudeRef"] = m.position->longitude_deg < 0 ? "W" : "E";
-  const Exiv2::URationalValue latitude = Sexagesimal(m.position->latitude_deg);
-  const Exiv2::URationalValue longitude = Sexagesimal(m.position->longitude_deg);
-  exif["Exif.GPSInfo.GPSLatitude"].setValue(&latitude);
-  exif["Exif.GPSInfo.GPSLongitude"].setValue(&longitude);
-  if (m.has_height) {
-    const int below = m.position->height_m < 0 ? 1 : 0;
-    exif["Exif.GPSInfo.GPSAltitudeRef"] = std::to_string(m.height_above_sea ? below : 2 + below);
-    exif["Exif.GPSInfo.GPSAltitude"] = Thousandths(m.position->height_m);
-  }
-  if (m.sigma_h_m) exif["Exif.GPSInfo.GPSHPositioningError"] = Thousandths(*m.sigma_h_m);
 }
 
 }  // namespace
@@ -208,6 +191,29 @@ void PanoramaWriter::Finish() {
   if (!good) w.Fail("its last bytes are refused");
 }
 
+void WriteExifPosition(const PanoramaMetadata& m, Exiv2::ExifData* data) {
+  Exiv2::ExifData& exif = *data;
+  exif["Exif.GPSInfo.GPSVersionID"] = "2 3 0 0";
+  exif["Exif.GPSInfo.GPSMapDatum"] = "WGS-84";
+  exif["Exif.GPSInfo.GPSLatitudeRef"] = m.position->latitude_deg < 0 ? "S" : "N";
+  exif["Exif.GPSInfo.GPSLongitudeRef"] = m.position->longitude_deg < 0 ? "W" : "E";
+  const Exiv2::URationalValue latitude = Sexagesimal(m.position->latitude_deg);
+  const Exiv2::URationalValue longitude = Sexagesimal(m.position->longitude_deg);
+  exif["Exif.GPSInfo.GPSLatitude"].setValue(&latitude);
+  exif["Exif.GPSInfo.GPSLongitude"].setValue(&longitude);
+  if (m.has_height) {
+    // The version states what the height is above (exif.cc: IsAboveSea). Programs that know EXIF 2 alone understand the
+    // sign of 0 and 1, not the values 2 and 3.
+    Exiv2::DataValue version;
+    version.read(m.height_above_sea ? "48 50 51 50" : "48 51 48 48");  // the digits of 0232 and 0300
+    exif["Exif.Photo.ExifVersion"].setValue(&version);
+    if (!m.height_above_sea) exif["Exif.GPSInfo.GPSVersionID"] = "2 4 0 0";
+    exif["Exif.GPSInfo.GPSAltitudeRef"] = m.position->height_m < 0 ? "1" : "0";
+    exif["Exif.GPSInfo.GPSAltitude"] = Thousandths(m.position->height_m);
+  }
+  if (m.sigma_h_m) exif["Exif.GPSInfo.GPSHPositioningError"] = Thousandths(*m.sigma_h_m);
+}
+
 void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMetadata& m) {
   try {
     const auto image = Exiv2::ImageFactory::open(file.string());
@@ -242,7 +248,7 @@ void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMeta
       exif["Exif.Photo.DateTimeOriginal"] = UtcText(*m.first_utc_ns, "%Y:%m:%d %H:%M:%S");
       exif["Exif.Photo.OffsetTimeOriginal"] = "+00:00";
     }
-    if (m.position) PutPosition(m, exif);
+    if (m.position) WriteExifPosition(m, &exif);
     if (m.heading_deg) {
       exif["Exif.GPSInfo.GPSImgDirectionRef"] = "T";
       // EXIF's is that of the picture's centre.

@@ -11,6 +11,10 @@
 
 #include "calib/geo/geodetic.h"
 
+namespace Exiv2 {
+class ExifData;
+}
+
 namespace trigpoint {
 
 // JPEG (holes black) or TIFF with an alpha channel (holes transparent), by the file's ending. Nothing but the rows
@@ -46,6 +50,10 @@ struct PanoramaMetadata {
   std::optional<double> sigma_h_m;
   std::string description;
 };
+
+// The GPS tags of `metadata.position`, which must be set, with its height and sigma; a height also sets the EXIF
+// version, which states whether it is above the sea (2.32) or the ellipsoid (3.0).
+void WriteExifPosition(const PanoramaMetadata& metadata, Exiv2::ExifData* exif);
 
 // Adds GPano XMP and EXIF to a finished JPEG or TIFF. Throws IoError.
 void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMetadata& metadata);

@@ -251,6 +251,24 @@ TEST_F(CalibrationFiles, ReadsColmapsBinary) {
   EXPECT_THAT(MessageOf<InputError>([&] { ReadCameraFile(dir() / "cameras.bin"); }), HasSubstr("cameras.bin: it ends"));
 }
 
+TEST_F(CalibrationFiles, ReadsEveryModelOfColmapsText) {
+  const auto read = [&](const std::string& line) {
+    WriteFileAtomically(dir() / "cameras.txt", "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n" + line + "\n");
+    return ReadCameraFile(dir() / "cameras.txt");
+  };
+  for (const char* line : {"1 SIMPLE_FISHEYE 640 480 500 320 240", "1 FISHEYE 640 480 500 500 320 240",
+                           "1 OPENCV_FISHEYE 640 480 500 500 320 240 0 0 0 0"}) {
+    const Camera camera = read(line).cameras.at(0).camera;
+    EXPECT_EQ(camera.model(), CameraModel::kKannalaBrandt) << line;
+    EXPECT_THAT(camera.params(), ElementsAre(500, 500, 319.5, 239.5, 0, 0, 0, 0)) << line;
+  }
+  const auto message = [&](const std::string& line) { return MessageOf<InputError>([&] { read(line); }); };
+  EXPECT_THAT(message("1 PINHOL 640 480 500 500 320 240"), HasSubstr("cameras.txt:2: unknown camera model PINHOL;"));
+  EXPECT_THAT(message("1 EUCM 640 480 500 500 320 240 0.5 1"), HasSubstr("model EUCM (id 16) is not supported"));
+  // 2^32 px more than 640 is no picture.
+  EXPECT_THAT(message("1 PINHOLE 4294967936 480 500 500 320 240"), HasSubstr("cameras.txt:2: expected the size"));
+}
+
 TEST_F(CalibrationFiles, ReadsOpenCvsXml) {
   const std::string xml =
       "<?xml version=\"1.0\"?>\n<opencv_storage>\n<image_width>640</image_width>\n<image_height>480</image_height>\n"

@@ -2,8 +2,10 @@
 
 #include <cstdlib>
 #include <exiv2/exiv2.hpp>
+#include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 
 #include "datasets/import/colmap_run.h"
 #include "datasets/import/panorama_provider.h"
@@ -113,6 +115,23 @@ TEST(ImportPanoramas, PicturesWithoutATableGetTheirRows) {
               AllOf(HasSubstr("panoramas/one.jpg,one,48.000000000,7.000000000,,350.0000,,,"), HasSubstr(",CC0,Ann,")));
 }
 
+// Services state the size of the picture beside its place.
+TEST(ImportPanoramas, ThePicturesHeightIsNoAltitude) {
+  const TempDir dir;
+  fs::create_directories(dir / "street");
+  dir.Write("street/list.json", R"([{"id": "size", "lat": 48, "lon": 7, "width": 8192, "height": 4096},
+    {"id": "both", "lat": 48, "lon": 7, "width": 8192, "height": 4096, "height_m": 240.5},
+    {"id": "place", "location": {"lat": 48, "lon": 7, "height": 241.5}, "width": 8192, "height": 4096},
+    {"id": "plain", "lat": 48, "lon": 7, "height": 242.5}])");
+  std::map<std::string, std::optional<double>> heights;
+  for (const PanoramaRecord& record : OpenPanoramaFolder(dir / "street")->Find({{{48, 7, 0}}, 500}, CancelToken())) {
+    heights[record.id] = record.has_height ? std::optional(record.position.height_m) : std::nullopt;
+  }
+  const std::map<std::string, std::optional<double>> expected = {
+      {"size", std::nullopt}, {"both", 240.5}, {"place", 241.5}, {"plain", 242.5}};
+  EXPECT_EQ(heights, expected);
+}
+
 // A failed import leaves the place as it was: not even a folder.
 TEST(ImportFailures, LeaveNothing) {
   const TempDir dir;
@@ -214,6 +233,24 @@ TEST(ImportPhotos, HeicBecomesJpegWithItsExif) {
   EXPECT_NEAR(metadata.position->latitude_deg, 48.01, 1e-9);
   ASSERT_TRUE(metadata.focal_px.has_value());
   EXPECT_NEAR(*metadata.focal_px, 26.0 / 36 * 256, 0.5);
+}
+
+// Phones export a photo as HEIC and as JPEG.
+TEST(ImportPhotos, OfHeicAndJpegOfOneNameTheJpegIsUsed) {
+  const TempDir dir;
+  fs::create_directories(dir / "phone");
+  for (const char* jpeg : {"IMG_1.jpg", "IMG_2.JPG", "IMG_3.jpg"})
+    cv::imwrite((dir / "phone" / jpeg).string(), Gradient(64));
+  for (const char* heic : {"IMG_1.HEIC", "IMG_2.heic"}) dir.Write(std::string("phone/") + heic, "not read");
+  const ImportReport report = ImportPhotos(dir / "site", dir / "phone", "set", *std::make_unique<ProgressSink>(), {});
+  EXPECT_THAT(report.files,
+              testing::UnorderedElementsAre(dir / "site/photos/set/IMG_1.jpg", dir / "site/photos/set/IMG_2.JPG",
+                                            dir / "site/photos/set/IMG_3.jpg"));
+  for (const fs::path& file : report.files) {
+    EXPECT_EQ(ReadTextFile(file), ReadTextFile(dir / "phone" / file.filename()));
+  }
+  ASSERT_EQ(report.warnings.size(), 1U);
+  EXPECT_THAT(report.warnings[0], AllOf(HasSubstr("2 HEIC pictures left out"), HasSubstr("the first: IMG_1.HEIC")));
 }
 
 TEST(ImportPhotos, LinksAreNotFollowedOut) {

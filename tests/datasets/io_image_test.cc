@@ -12,6 +12,7 @@
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
+#include "datasets/io/panorama_writer.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/text.h"
 #include "datasets/io/video.h"
@@ -368,6 +369,72 @@ TEST(PhotoMetadata, TellsWhatTheFileSays) {
   EXPECT_EQ(more.taken_utc_ns, ParseUtcToNs("2026-05-12T09:43:20.25Z"));
   GeoTagFromMetadata(more, dir / "p.jpg", &warnings);
   EXPECT_THAT(Joined(warnings), HasSubstr("as above sea level"));
+}
+
+// EXIF 3.0 gave 0 and 1 of GPSAltitudeRef a new meaning; the GPS tags' own version comes before that of the picture.
+TEST(PhotoMetadata, HeightsAreOfTheSeaOrTheEllipsoidByTheirVersion) {
+  const TempDir dir;
+  const char *k232 = "48 50 51 50", *k300 = "48 51 48 48", *k310 = "48 51 49 48";  // digits
+  const struct {
+    const char *exif, *gps, *ref;
+    double height_m;
+    bool above_sea;
+  } cases[] = {
+      {"", "", "0", 52.5, true},           {"", "", "1", -52.5, true},         {k232, "", "0", 52.5, true},
+      {k300, "", "0", 52.5, false},        {k300, "", "1", -52.5, false},      {k310, "", "0", 52.5, false},
+      {k300, "", "2", 52.5, true},         {k300, "", "3", -52.5, true},       {"", "2 3 0 0", "0", 52.5, true},
+      {"", "2 4 0 0", "1", -52.5, false},  {k300, "2 3 0 0", "0", 52.5, true}, {k232, "2 4 0 0", "0", 52.5, false},
+      {k232, "2 3 0 0", "3", -52.5, true}, {"", "", "", 52.5, false}};
+  for (const auto& c : cases) {
+    cv::imwrite((dir / "p.jpg").string(), Ramp(80, 60));
+    std::vector<std::pair<std::string, std::string>> tags = {{"Exif.GPSInfo.GPSLatitude", "48/1 0/1 0/1"},
+                                                             {"Exif.GPSInfo.GPSLatitudeRef", "N"},
+                                                             {"Exif.GPSInfo.GPSLongitude", "7/1 0/1 0/1"},
+                                                             {"Exif.GPSInfo.GPSLongitudeRef", "E"},
+                                                             {"Exif.GPSInfo.GPSAltitude", "525/10"}};
+    const auto add = [&](const char* key, const char* value) {
+      if (*value != '\0') tags.emplace_back(key, value);
+    };
+    add("Exif.Photo.ExifVersion", c.exif);
+    add("Exif.GPSInfo.GPSVersionID", c.gps);
+    add("Exif.GPSInfo.GPSAltitudeRef", c.ref);
+    SetExif(dir / "p.jpg", tags);
+    const PhotoMetadata metadata = ReadPhotoMetadata(dir / "p.jpg");
+    const std::string of = std::string("version '") + c.exif + "', GPS '" + c.gps + "', reference '" + c.ref + "'";
+    ASSERT_TRUE(metadata.position && metadata.has_height) << of;
+    EXPECT_NEAR(metadata.position->height_m, c.height_m, 1e-12) << of;
+    EXPECT_EQ(metadata.height_above_sea, c.above_sea) << of;
+  }
+}
+
+// The sign is right for programs that know 0 and 1 alone, and the version states what the height is above.
+TEST(PhotoMetadata, WrittenPositionsAreReadAsTheyAre) {
+  const TempDir dir;
+  for (const bool above_sea : {true, false}) {
+    for (const double height_m : {241.125, -3.5}) {
+      cv::imwrite((dir / "p.jpg").string(), Ramp(80, 60));
+      // A copy of a picture whose camera stated otherwise.
+      SetExif(dir / "p.jpg", {{"Exif.Photo.ExifVersion", above_sea ? "48 51 48 48" : "48 50 51 50"},
+                              {"Exif.GPSInfo.GPSVersionID", "2 2 0 0"},
+                              {"Exif.GPSInfo.GPSAltitudeRef", "2"}});
+      PanoramaMetadata m;
+      m.position = Geodetic{-33.8567844, 151.2152967, height_m};
+      m.has_height = true;
+      m.height_above_sea = above_sea;
+      const auto image = Exiv2::ImageFactory::open((dir / "p.jpg").string());
+      image->readMetadata();
+      WriteExifPosition(m, &image->exifData());
+      EXPECT_EQ(image->exifData()["Exif.GPSInfo.GPSAltitudeRef"].toString(), height_m < 0 ? "1" : "0");
+      image->writeMetadata();
+      const PhotoMetadata read = ReadPhotoMetadata(dir / "p.jpg");
+      ASSERT_TRUE(read.position);
+      // Half a millionth of a second, half a millimetre.
+      EXPECT_NEAR(read.position->latitude_deg, m.position->latitude_deg, 1.5e-10);
+      EXPECT_NEAR(read.position->longitude_deg, m.position->longitude_deg, 1.5e-10);
+      EXPECT_NEAR(read.position->height_m, height_m, 5.01e-4);
+      EXPECT_EQ(read.height_above_sea, above_sea);
+    }
+  }
 }
 
 TEST(PhotoMetadata, FallsBackToTheFocalPlane) {

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -59,6 +60,34 @@ class FieldCheck : public testing::Test {
   static void Age(const fs::path& file) {
     fs::last_write_time(file, fs::file_time_type::clock::now() - std::chrono::minutes(1));
   }
+  // While this is there, the file changes every tenth of a second, as one that is being copied.
+  class BeingCopied {
+   public:
+    explicit BeingCopied(const fs::path& file) : file_(file) {
+      Touch();
+      copier_ = std::thread([this] {
+        while (!done_) {
+          std::this_thread::sleep_for(std::chrono::milliseconds(100));
+          Touch();
+        }
+      });
+    }
+    ~BeingCopied() {
+      done_ = true;
+      copier_.join();
+    }
+    BeingCopied(const BeingCopied&) = delete;
+    BeingCopied& operator=(const BeingCopied&) = delete;
+
+   private:
+    void Touch() const {
+      std::error_code ignored;
+      fs::last_write_time(file_, fs::file_time_type::clock::now(), ignored);
+    }
+    fs::path file_;
+    std::atomic<bool> done_ = false;
+    std::thread copier_;
+  };
   static std::vector<fs::path> Images(const fs::path& site) {
     std::vector<fs::path> images;
     for (const auto& entry : fs::directory_iterator(site / "runs" / "run1" / "images")) images.push_back(entry.path());
@@ -125,15 +154,18 @@ TEST_F(FieldCheck, PiecesAreTakenUpAsTheyArrive) {
   EXPECT_EQ(first.at("pictures"), third);
   EXPECT_THAT(Findings(first), Contains(HasSubstr("planned and in no picture")));
   EXPECT_THAT(first.at("next").at(0).get<std::string>(), HasSubstr("Photograph tag"));
-  // The next piece arrives; one picture of it is half there, another one was copied this moment.
+  // The next piece arrives; one picture of it is half there, another one is being copied.
   for (size_t i = third; i < images_.size(); ++i) {
     fs::copy(base_ / "whole/runs/run1/images" / images_[i].filename(), images_[i]);
     Age(images_[i]);
   }
-  fs::last_write_time(images_.back(), fs::file_time_type::clock::now() + std::chrono::hours(1));
   fs::resize_file(images_[third], fs::file_size(images_[third]) / 2);
   Age(images_[third]);
-  const nlohmann::json second = Check();
+  nlohmann::json second;
+  {
+    const BeingCopied last(images_.back());
+    second = Check();
+  }
   EXPECT_EQ(second.at("waiting"), 1);
   EXPECT_THAT(Findings(second), Contains(HasSubstr("1 picture cannot be used")));
   EXPECT_THAT(Findings(second), Not(Contains(HasSubstr("in no picture"))));
@@ -233,16 +265,19 @@ TEST_F(FieldCheck, ADoubledTagIsNamed) {
   EXPECT_THAT(findings, Contains(HasSubstr("tag 1 (")));
 }
 
-// Copied a moment ago, with settings of one run that cannot be read and tags whose size nobody entered.
+// Copied a moment ago, half of it dated by a clock that is an hour ahead, with settings of one run that cannot be read
+// and tags whose size nobody entered.
 TEST_F(FieldCheck, WhatCannotBeUsedHidesNothingElse) {
-  const auto now = fs::file_time_type::clock::now();
-  for (const fs::path& image : images_) fs::last_write_time(image, now);
+  const auto now = fs::file_time_type::clock::now(), ahead = now + std::chrono::hours(1);
+  for (size_t i = 0; i < images_.size(); ++i) fs::last_write_time(images_[i], i % 2 == 0 ? now : ahead);
+  for (const auto& panorama : fs::directory_iterator(site_ / "panoramas")) fs::last_write_time(panorama, ahead);
   fs::create_directories(site_ / "runs/run2/images");
   std::ofstream(site_ / "runs/run2/run.yaml") << "rolee: both\n";
   std::ofstream(site_ / "plan.csv") << "kind,name\nfoo,1\n";
   std::ofstream(site_ / "tags.yaml") << "family: tag36h11\n";
   const nlohmann::json seen = Check();
   EXPECT_EQ(seen.at("pictures"), images_.size());
+  EXPECT_EQ(seen.at("waiting"), 0);
   const std::vector<std::string> findings = Findings(seen);
   EXPECT_THAT(findings, Contains(HasSubstr("unknown key 'rolee'")));
   EXPECT_THAT(findings, Contains(HasSubstr("unknown kind 'foo'")));
@@ -297,8 +332,11 @@ TEST_F(FieldCheck, AVideoThatIsStillBeingCopiedIsNamed) {
   writer.release();
   const std::string bytes = ReadTextFile(whole);
   WriteFileAtomically(video, bytes.substr(0, bytes.size() / 2));
-  fs::last_write_time(video, fs::file_time_type::clock::now() + std::chrono::hours(1));
-  const nlohmann::json copying = Check();
+  nlohmann::json copying;
+  {
+    const BeingCopied clip(video);
+    copying = Check();
+  }
   EXPECT_THAT(Findings(copying), Contains(HasSubstr("run2: video clip.mp4, ")));
   EXPECT_THAT(Findings(copying), Contains(HasSubstr("MB so far, still being copied: it is looked at when it is")));
   EXPECT_EQ(copying.at("pictures"), images_.size());
@@ -319,8 +357,10 @@ TEST_F(FieldCheck, AVideoThatIsStillBeingCopiedIsNamed) {
   };
   EXPECT_TRUE(wait_for("its end is missing"));
   WriteFileAtomically(video, bytes.substr(0, 3 * bytes.size() / 4));
-  fs::last_write_time(video, fs::file_time_type::clock::now() + std::chrono::hours(1));
-  EXPECT_TRUE(wait_for("still being copied"));
+  {
+    const BeingCopied clip(video);
+    EXPECT_TRUE(wait_for("still being copied"));
+  }
   Age(video);
   EXPECT_TRUE(wait_for("its end is missing"));
   WriteFileAtomically(video, bytes);

@@ -283,12 +283,12 @@ class Interchange(unittest.TestCase):
         write(f"{site}/panoramas.csv", "file,station\n\"panoramas/a & <b>.jpg\",S1\n")
         trigpoint("export", site, "--to", "gpano", "--out", self.out("gpano"))
         tags = json.loads(tool("exiftool", "-json", "-n", "-PoseHeadingDegrees", "-GPSLatitude", "-GPSLongitude", "-GPS:GPSAltitude", "-GPS:GPSAltitudeRef", "-GPSHPositioningError",
-                               "-ProjectionType", os.path.join(self.out("gpano"), "a & <b>.jpg")))[0]
+                               "-ExifVersion", "-GPSVersionID", "-ProjectionType", os.path.join(self.out("gpano"), "a & <b>.jpg")))[0]
         self.assertAlmostEqual(tags["PoseHeadingDegrees"], 330, 3)
-        # Above the ellipsoid (EXIF 3); what older readers derive from it as "altitude" has the wrong sign.
+        # Above the ellipsoid, which 0 means from EXIF 3.0 on.
         place = enu(tags["GPSLatitude"], tags["GPSLongitude"], tags["GPSAltitude"])
         self.assertLess(np.linalg.norm(place - self.pano), 2e-3)
-        self.assertEqual(tags["GPSAltitudeRef"], 2)
+        self.assertEqual((tags["GPSAltitudeRef"], tags["ExifVersion"], tags["GPSVersionID"]), (0, "0300", "2 4 0 0"))
         self.assertAlmostEqual(tags["GPSHPositioningError"], 0.05, 3)
         self.assertEqual(tags["ProjectionType"], "equirectangular")
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "calib/geo/geodetic.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
 #include "tests/e2e/program.h"
@@ -104,6 +105,60 @@ TEST_F(TrajectoryCommand, AGpsTrackIsAReference) {
   EXPECT_NEAR(e["ate_v_m"]["mean"], 2, 1e-3);
   EXPECT_EQ(e["reference_sigma_h_m"], 2.0);
   EXPECT_TRUE(e["ate_deg"].is_null());
+}
+
+// run.yaml states the antenna in the body frame, on the body's clock; results of cameras count from the camera.
+TEST_F(TrajectoryCommand, TheAntennaOfARunIsOnItsBody) {
+  const LocalFrame frame({48, 8, 200});
+  const Eigen::Vector3d antenna(0.3, -0.2, 1.5);
+  const fs::path run = dir_ / "runs/walk";
+  std::vector<BodyCamera> cameras(2);
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const double side = c == 0 ? 0.0 : 0.4;
+    cameras[c].name = "cam" + std::to_string(c);
+    cameras[c].camera = Camera(CameraModel::kPinhole, 100, 100, {100, 100, 49.5, 49.5});
+    cameras[c].cam_from_body = LevelForwardCamera();
+    cameras[c].cam_from_body.translation = Eigen::Vector3d(0.1 - side, 1.1, -0.2);
+    cameras[c].has_extrinsics = true;
+    cameras[c].time_offset_s = 0.05;
+  }
+  fs::create_directories(run);
+  WriteCamchain(run / "camchain.yaml", cameras);
+  Write("origin.json", "{\"lat\": 48.0, \"lon\": 8.0, \"alt\": 200.0}");
+  Write("tags.yaml", "size_m: 0.5\n");
+  Write("runs/walk/detections.csv", "timestamp,tag_id,u0,v0,u1,v1,u2,v2,u3,v3\n1.0,77,10,20,20,20,20,10,10,10\n");
+  Write("runs/walk/run.yaml", "gps: {lever_arm_m: [0.3, -0.2, 1.5], time_offset_s: 0.3}\n");
+  const std::string body = Path("body.tum", 1, {0, 0, 0});
+  std::string gps = "timestamp_s,latitude_deg,longitude_deg,height_m,sigma_h_m,sigma_v_m\n";
+  std::vector<std::vector<TimedPose>> of_cameras(cameras.size());
+  for (const TimedPose& pose : ReadTrajectory(body).poses) {
+    const Geodetic g = frame.GeodeticFromEnu(pose.target_from_body * antenna);
+    char line[200];
+    snprintf(line, sizeof line, "%.1f,%.11f,%.11f,%.4f,2,4\n", 1e-9 * static_cast<double>(pose.stamp_ns) - 0.3,
+             g.latitude_deg, g.longitude_deg, g.height_m);
+    gps += line;
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      of_cameras[c].push_back({pose.stamp_ns - 50'000'000, pose.target_from_body * cameras[c].cam_from_body.Inverse()});
+    }
+  }
+  const std::string track = Write("runs/walk/gps.csv", gps);
+  const auto worst = [&](const std::string& estimate, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments = {track, estimate};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Estimate(arguments)["ate_m"]["max"].get<double>();
+  };
+  // The track's last digits are 0.1 mm.
+  EXPECT_LT(worst(body), 1e-3);
+  for (const auto& [camera, of] :
+       {std::pair<size_t, const char*>{0, "world_from_cam0"}, {0, "world_from_cam"}, {1, "world_from_cam1"}}) {
+    WriteTum(
+        dir_ / "cameras.tum", of_cameras[camera],
+        {std::string("trigpoint trajectory 1; frame=enu; datum=gps; pose=") + of, "timestamp tx ty tz qx qy qz qw"});
+    EXPECT_LT(worst((dir_ / "cameras.tum").string()), 1e-3) << of;
+  }
+  // An arm on the command line counts in the estimate's own axes.
+  EXPECT_LT(worst(body, {"--lever-arm", "0.3", "-0.2", "1.5"}), 1e-3);
+  EXPECT_GT(worst(body, {"--lever-arm", "0", "0", "0"}), 1.4);
 }
 
 TEST_F(TrajectoryCommand, BadInputIsOneLineAndTheOthersGoOn) {
