@@ -16,6 +16,7 @@
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/tables.h"
@@ -117,7 +118,7 @@ std::vector<SurveyMark> MarksOf(const Project& project, const std::string& point
       for (const ImageEntry& image : run.images) {
         if (image.file != mark.image && !NamesPath(mark.image, image.path.string())) continue;
         const BodyCamera& camera = run.cameras[static_cast<size_t>(image.camera)];
-        add(r, camera, image.camera, image.stamp_ns + std::llround(camera.time_offset_s * 1e9));
+        add(r, camera, image.camera, BodyStamp(image.stamp_ns, camera));
       }
     }
     if (found != 1) {
@@ -207,15 +208,17 @@ std::vector<NetworkPoint> NetworkControl(const Project& project) {
 }
 
 // Readings of a total station, with the network that they make of the control points; where that has tags, the map
-// begins.
-void AddStations(const Project& project, const CancelToken& cancel, SurveyJob* job) {
+// begins. `enu`: world's frame; unset: world is a frame of the surveyor's own.
+void AddStations(const Project& project, const std::optional<LocalFrame>& enu, const CancelToken& cancel,
+                 SurveyJob* job) {
   const fs::path file = project.dir() / "total_station.csv";
   if (!fs::exists(file)) return;
   SurveyStations stations;
   stations.sightings = ReadTotalStation(file, &job->warnings);
   if (stations.sightings.empty()) return;
   stations.known = NetworkControl(project);
-  stations.network = AdjustNetwork(stations.sightings, stations.known, cancel);
+  stations.level_from_world = LevelFromWorld(stations.known, enu);
+  stations.network = AdjustNetwork(stations.sightings, stations.known, cancel, stations.level_from_world);
   const StationNetwork& network = stations.network;
   job->warnings.insert(job->warnings.end(), network.warnings.begin(), network.warnings.end());
   if (!network.unplaced.empty()) {
@@ -287,8 +290,10 @@ void AddControl(const Project& project, bool used, SurveyJob* job) {
   } else if (!roles) {
     const int withheld = WithholdChecks(&points);
     job->check_note =
-        withheld > 0 ? fmt::format("no roles are given: every third surveyed point is withheld as check, {} of {}",
-                                   withheld, points.size())
+        withheld > 0 ? fmt::format(
+                           "no roles are given: every third surveyed tag or point is withheld as check, {} of {} "
+                           "points",
+                           withheld, points.size())
                      : "no independent check: withholding a point would leave fewer than three well-spread control "
                        "points; leave-one-out residuals instead";
   }
@@ -329,7 +334,7 @@ void AddGps(const Project& project, const Run& run, SurveyRun* survey) {
   for (const ImageDetections& image : survey->images) {  // on the body's clock, as the map's frames are
     const size_t camera = CameraNamed(*survey, image.camera);
     if (camera >= survey->cameras.size()) continue;
-    stamps.push_back(image.stamp_ns + std::llround(survey->cameras[camera].time_offset_s * 1e9));
+    stamps.push_back(BodyStamp(image.stamp_ns, survey->cameras[camera]));
   }
   for (const SurveyTie& tie : survey->ties) stamps.push_back(tie.stamp_ns);
   std::sort(stamps.begin(), stamps.end());
@@ -463,12 +468,41 @@ void AddDistances(const Project& project, SurveyJob* job) {
   }
 }
 
+// The frame that the control's coordinates are in: the site's, unless all are x_m, y_m, z_m and geotags and GPS
+// (without them the site's origin, by far) are elsewhere, or the site has no origin.
+std::optional<LocalFrame> FrameOfControl(const Project& project, const SurveyJob& job) {
+  if (!project.has_frame()) return std::nullopt;
+  std::vector<double> control[2], satellites[2];
+  for (const ControlPoint& c : AtNewestEpoch(project.site().control_points)) {
+    if (!c.control) continue;
+    if (!c.local_m) return project.frame();
+    for (int k = 0; k < 2; ++k) control[k].push_back((*c.local_m)[k]);
+  }
+  SurveyJob geotags;
+  AddGeotags(project, &geotags);
+  for (const SurveyPoint& p : geotags.input.points) {
+    for (int k = 0; k < 2; ++k) satellites[k].push_back(p.world_m[k]);
+  }
+  for (const SurveyRun& run : job.input.runs) {
+    for (const SurveyFix& fix : run.gps) {
+      for (int k = 0; k < 2; ++k) satellites[k].push_back(fix.world_m[k]);
+    }
+  }
+  if (control[0].empty()) return project.frame();
+  const bool fixed = !satellites[0].empty();
+  const double east = fixed ? Median(satellites[0]) : 0, north = fixed ? Median(satellites[1]) : 0;
+  if (std::hypot(Median(control[0]) - east, Median(control[1]) - north) > (fixed ? kSameFrame_m : kOneSite_m)) {
+    return std::nullopt;
+  }
+  return project.frame();
+}
+
 void SetDatum(const Project& project, const SurveyStageOptions& options, const CancelToken& cancel, SurveyJob* job) {
   SurveyInput& input = job->input;
   const std::string& datum = options.datum;
   input.use_geotags = datum == "auto" || datum == "geotags";
   input.use_control = datum == "auto" || datum == "control";
-  if (input.use_control) AddStations(project, cancel, job);
+  if (input.use_control) AddStations(project, FrameOfControl(project, *job), cancel, job);
   AddControl(project, input.use_control, job);
   AddGeotags(project, job);
   bool known = false, fixes = false, levelled = false;

@@ -137,6 +137,9 @@ void WorldSources::ReadMap(const Project& project, const std::string& name) {
     throw InputError("there is no map '" + name + "'; nearest: '" + NearestName(name, names) + "'");
   }
   map_ = ReadReferenceMap(project, ReferenceMapFolder(project, name), name);
+  for (const TagResult& tag : map_.tags) {
+    if (tag.size_m > 0) sizes_.sizes_m[tag.tag_id] = tag.size_m;  // that the map's poses rest on
+  }
   if (std::find(map_.runs.begin(), map_.runs.end(), run_) != map_.runs.end()) {
     warnings_.push_back("run " + run_ + " took part in the map '" + name +
                         "': both use the same images, so that the sigmas in world are somewhat too small; "

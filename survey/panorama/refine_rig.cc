@@ -208,25 +208,23 @@ void AddPriors(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   }
 }
 
-// Of a photo's ln s, w, e: moved ones know each other, those that stay as stitched only their own. `covariance`: of the
-// rig's pose, ln s and all photos' w, e, as far as they are free.
-Eigen::Matrix<double, 7, 7> PhotoCovariance(const RefineRigInput& input, RigFreedom freedom,
-                                            const Eigen::MatrixXd& covariance, size_t photo) {
-  Eigen::Matrix<double, 7, 7> c = Eigen::Matrix<double, 7, 7>::Zero();
-  const bool scale = HasScale(freedom);
-  if (scale) c(0, 0) = covariance(6, 6);
-  if (MovesPhotos(freedom)) {
-    const Eigen::Index at = covariance.rows() - 6 * static_cast<Eigen::Index>(input.rig.views.size() - photo);
-    c.bottomRightCorner<6, 6>() = covariance.block<6, 6>(at, at);
-    if (scale) c.block<6, 1>(1, 0) = covariance.block<6, 1>(at, 6);
-    c.block<1, 6>(0, 1) = c.block<6, 1>(1, 0).transpose();
-  } else {
-    const Eigen::Index at = 6 * static_cast<Eigen::Index>(photo);
-    c.bottomRightCorner<6, 6>() = input.shape_covariance.block<6, 6>(at, at);
+// The mean of the photos' centres, to which the origin goes, by all unknowns. What moves all centres alike is known
+// badly, as the rig's pose takes it in; it leaves both with the origin.
+Eigen::MatrixXd OriginJacobian(const RefineRigInput& input, RigFreedom freedom, Eigen::Index unknowns,
+                               const Solution& solution) {
+  Eigen::MatrixXd j = Eigen::MatrixXd::Zero(3, unknowns);
+  const auto n = static_cast<Eigen::Index>(input.rig.views.size());
+  for (Eigen::Index v = 0; v < n; ++v) {
+    const auto photo = static_cast<size_t>(v);
+    const Eigen::Map<const Eigen::Vector3d> e(solution.deltas[photo].data() + 3);
+    const double share = solution.rig.scale / static_cast<double>(n);
+    if (HasScale(freedom)) j.col(6) += share * (input.rig.views[photo].rig_from_view.translation + e);
+    if (MovesPhotos(freedom)) j.block<3, 3>(0, unknowns - 6 * (n - v) + 3).diagonal().setConstant(share);
   }
-  return c;
+  return j;
 }
 
+// `covariance`: of the rig's pose, ln s and all photos' w, e, as far as they are free.
 void SetCovariances(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& covariance,
                     Solution* solution) {
   RefinedRig& rig = solution->rig;
@@ -234,18 +232,28 @@ void SetCovariances(const RefineRigInput& input, RigFreedom freedom, const Eigen
     rig.covariance = Matrix6d::Identity() * 1e6;
     return;
   }
-  rig.covariance = covariance.topLeftCorner<6, 6>();
+  const Eigen::Index unknowns = covariance.rows(), n = static_cast<Eigen::Index>(input.rig.views.size());
+  const Eigen::MatrixXd origin = OriginJacobian(input, freedom, unknowns, *solution);
+  Eigen::MatrixXd by_pose = Eigen::MatrixXd::Identity(6, unknowns);
+  by_pose.bottomRows<3>() -= origin;
+  rig.covariance = by_pose * covariance * by_pose.transpose();
   if (HasScale(freedom)) rig.scale_sigma = rig.scale * std::sqrt(std::max(0.0, covariance(6, 6)));
-  const bool known_shape = input.shape_covariance.rows() == 6 * static_cast<Eigen::Index>(input.rig.views.size());
+  const bool known_shape = input.shape_covariance.rows() == 6 * n;
   if (!MovesPhotos(freedom) && !(HasScale(freedom) && known_shape)) return;
-  for (size_t v = 0; v < input.rig.views.size(); ++v) {
-    View view = input.rig.views[v];
-    const Eigen::Map<const Eigen::Vector3d> e(solution->deltas[v].data() + 3);
-    Eigen::Matrix<double, 6, 7> j = Eigen::Matrix<double, 6, 7>::Zero();
-    j.block<3, 3>(0, 1) = -view.rig_from_view.rotation.toRotationMatrix();
-    j.block<3, 1>(3, 0) = rig.scale * (view.rig_from_view.translation + e);
-    j.block<3, 3>(3, 4).diagonal().setConstant(rig.scale);
-    view.covariance = j * PhotoCovariance(input, freedom, covariance, v) * j.transpose();
+  for (Eigen::Index v = 0; v < n; ++v) {
+    View view = input.rig.views[static_cast<size_t>(v)];
+    const Eigen::Map<const Eigen::Vector3d> e(solution->deltas[static_cast<size_t>(v)].data() + 3);
+    Matrix6d by_photo = rig.scale * Matrix6d::Identity();
+    by_photo.topLeftCorner<3, 3>() = -view.rig_from_view.rotation.toRotationMatrix();
+    Eigen::MatrixXd j = Eigen::MatrixXd::Zero(6, unknowns);
+    j.bottomRows<3>() = -origin;
+    if (HasScale(freedom)) j.block<3, 1>(3, 6) += rig.scale * (view.rig_from_view.translation + e);
+    if (MovesPhotos(freedom)) j.middleCols<6>(unknowns - 6 * (n - v)) += by_photo;
+    view.covariance = j * covariance * j.transpose();
+    // Photos that stay as stitched have its covariance, which is about the mean of the centres already.
+    if (!MovesPhotos(freedom)) {
+      view.covariance += by_photo * input.shape_covariance.block<6, 6>(6 * v, 6 * v) * by_photo.transpose();
+    }
     rig.rig.views.push_back(view);
   }
 }

@@ -33,8 +33,9 @@ enum class RigFreedom { kFixed, kScaled, kPrior, kFree };
 std::string RigFreedomName(RigFreedom freedom);
 
 struct RefineRigInput {
-  ViewRig rig;                       // rig_from_view as stitched
-  Eigen::MatrixXd shape_covariance;  // of all views' [turn of cam_from_rig (left, rad), centre (m)] at the rig's size
+  ViewRig rig;  // rig_from_view as stitched
+  // Of all views' [turn of cam_from_rig (left, rad), centre about the mean of the centres (m)] at the rig's size.
+  Eigen::MatrixXd shape_covariance;
   double log_scale_sigma = 0.7;
   Rigid3d rig_from_world;  // start
   std::vector<KnownPoint> points;
@@ -44,10 +45,10 @@ struct RefineRigInput {
 
 struct RefinedRig {
   Rigid3d rig_from_world;
-  ViewRig rig;       // origin: the mean of the centres again; covariances relative to the origin
+  ViewRig rig;       // origin: the mean of the centres again; covariances relative to it
   double scale = 1;  // against the input
   double scale_sigma = 0;
-  Matrix6d covariance = Matrix6d::Zero();  // of rig_from_world
+  Matrix6d covariance = Matrix6d::Zero();  // of rig_from_world, with that origin
   double rms_px = 0;                       // of the observations that count
   int used = 0;
 };

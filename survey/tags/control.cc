@@ -1,12 +1,14 @@
 #include "survey/tags/control.h"
 
 #include <Eigen/SVD>
+#include <algorithm>
+#include <map>
 
 namespace trigpoint {
 namespace {
 
 constexpr double kLeastSpread = 0.15;  // second principal extent / first
-constexpr double kLeastArea = 0.02;    // of a parallelogram / square of its side
+constexpr double kLeastHeight = 0.02;  // of a triangle / its longest side
 constexpr size_t kMostTried = 25;      // points
 
 }  // namespace
@@ -21,7 +23,8 @@ bool AreWellSpread(const std::vector<Eigen::Vector3d>& points) {
 }
 
 bool IsTriangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
-  return (b - a).cross(c - a).norm() >= kLeastArea * (b - a).squaredNorm();
+  const double longest2 = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+  return longest2 > 0 && (b - a).cross(c - a).norm() >= kLeastHeight * longest2;
 }
 
 bool HoldAFrame(const std::vector<Eigen::Vector3d>& points) {
@@ -37,16 +40,26 @@ bool HoldAFrame(const std::vector<Eigen::Vector3d>& points) {
 }
 
 int WithholdChecks(std::vector<SurveyPoint>* points) {
-  for (SurveyPoint& p : *points) p.role = PointRole::kControl;
+  // A tag's points share its pose: one of them as control holds the others, which then check nothing.
+  std::vector<std::vector<size_t>> groups;
+  std::map<int, size_t> group_of_tag;
+  for (size_t i = 0; i < points->size(); ++i) {
+    SurveyPoint& p = (*points)[i];
+    p.role = PointRole::kControl;
+    const size_t group = p.tag_id < 0 ? groups.size() : group_of_tag.try_emplace(p.tag_id, groups.size()).first->second;
+    if (group == groups.size()) groups.emplace_back();
+    groups[group].push_back(i);
+  }
   int withheld = 0;
-  for (size_t i = 2; i < points->size(); i += 3) {
+  for (size_t g = 2; g < groups.size(); g += 3) {
+    for (size_t i : groups[g]) (*points)[i].role = PointRole::kCheck;
     std::vector<Eigen::Vector3d> left;
-    for (size_t k = 0; k < points->size(); ++k) {
-      if (k != i && (*points)[k].role == PointRole::kControl) left.push_back((*points)[k].world_m);
+    for (const SurveyPoint& p : *points) {
+      if (p.role == PointRole::kControl) left.push_back(p.world_m);
     }
-    if (!AreWellSpread(left)) continue;
-    (*points)[i].role = PointRole::kCheck;
-    ++withheld;
+    const bool enough = AreWellSpread(left);
+    for (size_t i : groups[g]) (*points)[i].role = enough ? PointRole::kCheck : PointRole::kControl;
+    withheld += enough ? static_cast<int>(groups[g].size()) : 0;
   }
   return withheld;
 }

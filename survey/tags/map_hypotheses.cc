@@ -325,17 +325,24 @@ void MapSolver::JudgeCommonSize() {
   AddSizeUncertainty(all, used ? sigma : std::hypot(sigma, log_ratio));
 }
 
-// What sizes that were found with this sigma (of the logarithm) add to the covariances of all tags.
+// What sizes that were found with this sigma (of the logarithm) add to the covariances of all tags, and to those
+// between them: the error is one for all.
 void MapSolver::AddSizeUncertainty(const Hypothesis& size, double sigma) {
   Eigen::MatrixXd coupling = Eigen::MatrixXd::Zero(solver_.Equations(), 1);
   for (int i : size.observations) solver_.AddTransposed(i, DerivativeOf(size, i), &coupling);
   const Eigen::MatrixXd by_log_size = solver_.SolveNormal(coupling);
+  std::map<int, Vector6d> moved;
   for (TagEstimate& tag : result_.tags) {
     const auto unknown = tag_unknown_.find(tag.tag_id);
     const int offset = unknown == tag_unknown_.end() ? -1 : solver_.Offset(unknown->second);
     if (!tag.HasPose() || offset < 0) continue;
-    const Vector6d moved = sigma * by_log_size.block<6, 1>(offset, 0);
-    tag.covariance += moved * moved.transpose();
+    const Vector6d by = sigma * by_log_size.block<6, 1>(offset, 0);
+    tag.covariance += by * by.transpose();
+    moved[tag.tag_id] = by;
+  }
+  for (auto& [pair, covariance] : result_.cross) {
+    const auto a = moved.find(pair.first), b = moved.find(pair.second);
+    if (a != moved.end() && b != moved.end()) covariance += a->second * b->second.transpose();
   }
 }
 

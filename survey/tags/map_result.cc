@@ -144,7 +144,7 @@ std::map<int, MapSolver::SeenTag> MapSolver::CountSights() {
     auto& [tag, runs, square_px] = seen[s.detection.id];
     tag.tag_id = s.detection.id;
     tag.family = s.detection.family;
-    tag.size_m = input_.sizes.SizeOf(tag.tag_id);
+    tag.size_m = SizeOf(tag.tag_id);  // as found where the stated one is wrong: the map was made with it
     const MapFrame& frame = start_.frames[static_cast<size_t>(s.frame)];
     RunAgreement& run = result_.runs[static_cast<size_t>(frame.run)];
     if (!Usable(s) || s.place < 0) {

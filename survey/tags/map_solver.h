@@ -82,6 +82,7 @@ class MapSolver {
   void AddPoints();
   void AddFixes();
   void AddStations();
+  int AddPlane(bool alone);
   void AddGauge();
   void Add(Kind kind, int index, ceres::CostFunction* cost, const ceres::LossFunction* loss,
            const std::vector<int>& unknowns);

@@ -8,6 +8,7 @@
 
 #include "calib/base/error.h"
 #include "calib/geometry/alignment.h"
+#include "datasets/io/camchain.h"
 #include "survey/tags/control.h"
 #include "survey/tags/planar_pose.h"
 
@@ -277,7 +278,7 @@ std::map<int64_t, std::vector<const ImageDetections*>> ImagesByStamp(const Surve
       throw InputError("run " + run.name + ": detections name camera \"" + image.camera +
                        "\", which camchain.yaml does not have");
     }
-    by_stamp[image.stamp_ns + std::llround(run.cameras[camera].time_offset_s * 1e9)].push_back(&image);
+    by_stamp[BodyStamp(image.stamp_ns, run.cameras[camera])].push_back(&image);
   }
   return by_stamp;
 }

@@ -111,13 +111,7 @@ SurveyResult MapSolver::Run() {
   for (int round = 0;; ++round) {
     huber_ = std::make_unique<HuberChi2Loss>(kHuberChi2 *
                                              kWideLoss[std::min(static_cast<size_t>(round), kWideLoss.size() - 1)]);
-    const SparseLeastSquares::Summary summary = [&] {
-      try {
-        return Solve(true);
-      } catch (const NumericError& e) {
-        throw NumericError(fmt::format("{}{}", e.what(), FarPoints(far_at_start_)));
-      }
-    }();
+    const SparseLeastSquares::Summary summary = Solve(true);
     if (round == 0) result_.cost_before = summary.cost_before;
     ReturnControl();
     result_.cost_after = summary.cost_after;
@@ -312,7 +306,7 @@ void MapSolver::FindLinked() {
 }
 
 Eigen::Vector3d MapSolver::Lever(const SurveyPoint& p) const {
-  return p.corner < 0 ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : TagCorner(input_.sizes.SizeOf(p.tag_id), p.corner);
+  return p.corner < 0 ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : TagCorner(SizeOf(p.tag_id), p.corner);
 }
 
 void MapSolver::Add(Kind kind, int index, ceres::CostFunction* cost, const ceres::LossFunction* loss,
@@ -556,7 +550,8 @@ void MapSolver::AddStations() {
     setups[setup.name] = {instrument, solver_.AddNumbers({setup.orientation_rad})};
     const auto below = points.find(setup.name);
     if (setup.height_m && below != points.end()) {
-      Add(Kind::kOther, 0, new AboveCost(*setup.height_m), nullptr, {below->second, instrument});
+      Add(Kind::kOther, 0, new AboveCost(*setup.height_m, stations.level_from_world), nullptr,
+          {below->second, instrument});
     }
   }
   for (const NetworkResidual& reading : stations.network.residuals) {
@@ -575,9 +570,34 @@ void MapSolver::AddStations() {
     }
     if (reading.reading == StationReading::kDirection) unknowns.push_back(orientation);
     Add(Kind::kStation, static_cast<int>(station_readings_.size()),
-        new StationCost(reading.reading, observed, sigma, lever, s.target_height_m), nullptr, unknowns);
+        new StationCost(reading.reading, observed, sigma, lever, s.target_height_m, stations.level_from_world), nullptr,
+        unknowns);
     station_readings_.emplace_back(reading.sighting, reading.reading);
   }
+}
+
+// Heights of the plane's tags that are in the map; how many. `alone`: nothing else holds the tilt, so they must.
+int MapSolver::AddPlane(bool alone) {
+  std::vector<Eigen::Vector3d> centres;
+  for (int id : input_.level_tags) {
+    const auto tag = tag_unknown_.find(id);
+    if (tag == tag_unknown_.end()) continue;
+    Add(Kind::kOther, 0, new HeightCost(0, input_.level_sigma_m), nullptr, {tag->second});
+    centres.push_back(tags_.at(id).translation);
+  }
+  if (alone && !input_.level_tags.empty() && !HoldAFrame(centres)) {
+    const std::string tags = fmt::format("option plane_tags ({})", fmt::join(input_.level_tags, " "));
+    if (centres.size() < 3) {
+      throw InputError(
+          fmt::format("{}: expected three of these tags or more in the map, found {}, as pictures do not "
+                      "tie the others to it; name other tags, or use another datum",
+                      tags, centres.size()));
+    }
+    throw InputError(tags +
+                     ": these tags lie on one line, about which the map can turn; expected a tag beside that line: "
+                     "name one, or use another datum");
+  }
+  return static_cast<int>(centres.size());
 }
 
 void MapSolver::AddGauge() {
@@ -600,13 +620,7 @@ void MapSolver::AddGauge() {
       }
     }
   }
-  int level = 0;
-  for (int id : input_.level_tags) {
-    const auto tag = tag_unknown_.find(id);
-    if (tag == tag_unknown_.end()) continue;
-    Add(Kind::kOther, 0, new HeightCost(0, input_.level_sigma_m), nullptr, {tag->second});
-    ++level;
-  }
+  const int level = AddPlane(free_frame && !gravity);
   if (input_.fixed) {
     if (tag_unknown_.count(input_.fixed->tag_id) == 0) {
       throw InputError(fmt::format(
@@ -644,9 +658,14 @@ void MapSolver::AddGauge() {
 // Solves from the present state and stores the result; `linearise`: prepares the covariances there.
 SparseLeastSquares::Summary MapSolver::Solve(bool linearise) {
   Build();
-  const SparseLeastSquares::Summary summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
+  SparseLeastSquares::Summary summary;
+  try {
+    summary = solver_.Solve(options_.max_iterations, threads_, progress_, cancel_);
+    if (linearise) solver_.Linearise(threads_, cancel_, true);
+  } catch (const NumericError& e) {
+    throw NumericError(fmt::format("{}{}", e.what(), FarPoints(far_at_start_)));
+  }
   result_.iterations += summary.iterations;
-  if (linearise) solver_.Linearise(threads_, cancel_, true);
   StoreState();
   return summary;
 }

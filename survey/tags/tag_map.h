@@ -90,6 +90,7 @@ struct SurveyStations {
   std::vector<StationSighting> sightings;
   std::vector<NetworkPoint> known;  // as surveyed
   StationNetwork network;
+  Rigid3d level_from_world;  // that the network was adjusted with
 };
 
 struct SurveyDistance {

@@ -53,7 +53,7 @@ struct TagPosesOptions {
 struct TagEstimate {
   int tag_id = -1;
   std::string family;
-  double size_m = 0;
+  double size_m = 0;  // that the pose rests on: as stated, or as a survey found it
   std::optional<Rigid3d> world_from_tag;
   Matrix6d covariance = Matrix6d::Zero();  // of the left tangent (world axes), rotation first
   int images = 0;                          // pictures that went into the pose

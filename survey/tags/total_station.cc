@@ -29,6 +29,7 @@ constexpr double kBlunder = 3.89;  // 99.99 % of a normal distribution
 double Wrapped(double angle) { return std::remainder(angle, 2 * EIGEN_PI); }
 
 // From the instrument, along east, north and the plumb line there; first order in position over the Earth's radius.
+// Both are in the level frame.
 struct LocalVector {
   Eigen::Vector3d l;
   Eigen::Matrix3d by_target, by_instrument;
@@ -75,8 +76,14 @@ std::string_view StationReadingName(StationReading reading) {
 }
 
 StationCost::StationCost(StationReading reading, double observed, double sigma,
-                         const std::optional<Eigen::Vector3d>& lever, double target_height_m)
-    : reading_(reading), observed_(observed), sigma_(sigma), lever_(lever), target_height_m_(target_height_m) {
+                         const std::optional<Eigen::Vector3d>& lever, double target_height_m,
+                         const Rigid3d& level_from_world)
+    : reading_(reading),
+      observed_(observed),
+      sigma_(sigma),
+      lever_(lever),
+      target_height_m_(target_height_m),
+      level_from_world_(level_from_world) {
   set_num_residuals(1);
   *mutable_parameter_block_sizes() = {3, lever ? 7 : 3};
   if (reading == StationReading::kDirection) mutable_parameter_block_sizes()->push_back(1);
@@ -92,8 +99,8 @@ bool StationCost::Evaluate(double const* const* parameters, double* residuals, d
   } else {
     target = Eigen::Map<const Eigen::Vector3d>(parameters[1]);
   }
-  target.z() += target_height_m_;
-  const LocalVector local = Local(instrument, target);
+  const Eigen::Vector3d prism = level_from_world_ * target + target_height_m_ * Eigen::Vector3d::UnitZ();
+  const LocalVector local = Local(level_from_world_ * instrument, prism);
   if (!(local.l.head<2>().norm() > 1e-6)) return false;  // straight above: no direction
   Eigen::RowVector3d by;
   double off = Predict(reading_, local.l, &by) - observed_;
@@ -101,9 +108,10 @@ bool StationCost::Evaluate(double const* const* parameters, double* residuals, d
   residuals[0] = off / sigma_;
   if (jacobians == nullptr) return true;
   by /= sigma_;
-  if (jacobians[0] != nullptr) Eigen::Map<Eigen::RowVector3d>{jacobians[0]} = by * local.by_instrument;
+  const Eigen::Matrix3d level = level_from_world_.rotation.toRotationMatrix();
+  if (jacobians[0] != nullptr) Eigen::Map<Eigen::RowVector3d>{jacobians[0]} = by * local.by_instrument * level;
   if (jacobians[1] != nullptr) {
-    const Eigen::RowVector3d by_target = by * local.by_target;
+    const Eigen::RowVector3d by_target = by * local.by_target * level;
     if (lever_) {
       Eigen::Matrix<double, 1, 6> j;
       j << -by_target * Skew(turned), by_target;
@@ -121,7 +129,7 @@ bool StationCost::Evaluate(double const* const* parameters, double* residuals, d
 bool AboveCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   constexpr double kCentring_m = 0.001;
   for (int i = 0; i < 3; ++i) {
-    residuals[i] = (parameters[1][i] - parameters[0][i] - (i == 2 ? height_m_ : 0)) / kCentring_m;
+    residuals[i] = (parameters[1][i] - parameters[0][i] - above_m_[i]) / kCentring_m;
   }
   for (int block = 0; jacobians != nullptr && block < 2; ++block) {
     if (jacobians[block] == nullptr) continue;
@@ -468,9 +476,31 @@ class Network {
 
 }  // namespace
 
+Rigid3d LevelFromWorld(const std::vector<NetworkPoint>& known, const std::optional<LocalFrame>& enu) {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const NetworkPoint& p : known) middle += p.position / static_cast<double>(known.size());
+  if (!enu) return {Eigen::Quaterniond::Identity(), -middle};
+  const LocalFrame here(enu->GeodeticFromEnu(middle));
+  const Eigen::Quaterniond turn(Eigen::Matrix3d(here.EcefFromEnuRotation().transpose() * enu->EcefFromEnuRotation()));
+  return {turn, -(turn * middle)};
+}
+
 StationNetwork AdjustNetwork(const std::vector<StationSighting>& sightings, const std::vector<NetworkPoint>& known,
-                             const CancelToken& cancel) {
-  return Network(sightings, known, cancel).Adjust();
+                             const CancelToken& cancel, const Rigid3d& level_from_world) {
+  std::vector<NetworkPoint> levelled = known;
+  for (NetworkPoint& p : levelled) p.position = level_from_world * p.position;
+  StationNetwork network = Network(sightings, levelled, cancel).Adjust();
+  const Rigid3d world_from_level = level_from_world.Inverse();
+  const Eigen::Matrix3d turn = world_from_level.rotation.toRotationMatrix();
+  for (NetworkPoint& p : network.points) p.position = world_from_level * p.position;
+  for (StationSetup& s : network.setups) s.instrument = world_from_level * s.instrument;
+  for (Eigen::Index a = 0; a < network.covariance.rows(); a += 3) {
+    for (Eigen::Index b = 0; b < network.covariance.cols(); b += 3) {
+      auto block = network.covariance.block<3, 3>(a, b);
+      block = Eigen::Matrix3d(turn * block * turn.transpose());
+    }
+  }
+  return network;
 }
 
 }  // namespace trigpoint

@@ -1,8 +1,10 @@
 // Horizontal directions, zenith angles and slope distances from the set-ups of a total station, and the network that
 // they make of known points and tags.
 //
-// World is the site's ENU. At a set-up the instrument's vertical is the plumb line there, which on a sphere of 6371 km
-// leans outwards with the distance from the site's origin: so the Earth's curvature is in the geometry. Refraction
+// World is the site's ENU or a frame of the surveyor's own; either may begin far from the site. Angles are predicted in
+// a level frame that begins at the site, where its z axis is vertical (LevelFromWorld). At a set-up the instrument's
+// vertical is the plumb line there, which on a sphere of 6371 km leans outwards with the distance from the level
+// frame's origin, to first order (within 1e-5 rad up to 10 km): so the Earth's curvature is in the geometry. Refraction
 // raises what is seen by k s / 2R, k = 0.13 (Kahmen, Faig 1988, section 5.4). Distances are those between the points:
 // corrected for the atmosphere and the prism by the instrument.
 #pragma once
@@ -18,6 +20,8 @@
 #include <vector>
 
 #include "calib/base/progress.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/rigid3.h"
 
 namespace trigpoint {
 
@@ -25,14 +29,14 @@ enum class StationReading { kDirection, kZenith, kDistance };
 std::string_view StationReadingName(StationReading reading);
 
 // predicted - observed over sigma, one residual. Blocks: the instrument's centre (3, world, m); the target (a point, 3,
-// or world_from_tag, 7); of a direction the orientation, too (1, rad): azimuth, clockwise from north, of the circle's
-// zero.
+// or world_from_tag, 7); of a direction the orientation, too (1, rad): azimuth in the level frame, clockwise from its y
+// axis, of the circle's zero.
 class StationCost final : public ceres::CostFunction {
  public:
   // `lever`: where the target is on the tag, tag frame, m; unset: the target is a point. target_height_m: of the prism
   // above it.
   StationCost(StationReading reading, double observed, double sigma, const std::optional<Eigen::Vector3d>& lever,
-              double target_height_m);
+              double target_height_m, const Rigid3d& level_from_world = {});
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
@@ -40,6 +44,7 @@ class StationCost final : public ceres::CostFunction {
   double observed_, sigma_;
   std::optional<Eigen::Vector3d> lever_;
   double target_height_m_;
+  Rigid3d level_from_world_;
 };
 
 // A target as seen from a set-up: what was read of it.
@@ -69,8 +74,8 @@ struct NetworkResidual {
 struct StationSetup {
   std::string name;
   Eigen::Vector3d instrument = Eigen::Vector3d::Zero();  // world, m
-  double orientation_rad = 0;
-  std::optional<double> height_m;  // above the point of its name; unset: it stands on none
+  double orientation_rad = 0;                            // as StationCost has it
+  std::optional<double> height_m;                        // above the point of its name; unset: it stands on none
 };
 
 struct StationNetwork {
@@ -89,24 +94,29 @@ std::pair<double, double> ReadingOf(const StationSighting& sighting, StationRead
 // The tag and its corner (-1: the centre) that a target names: "tag:57", "tag:57/2". Unset: a point.
 std::optional<std::pair<int, int>> TagOfTarget(const std::string& target);
 
-// An instrument above the point it stands on, centred to a millimetre: point (3), instrument (3) -> 3 (m).
+// An instrument vertically above the point it stands on, centred to a millimetre: point (3), instrument (3) -> 3 (m).
 class AboveCost final : public ceres::SizedCostFunction<3, 3, 3> {
  public:
-  explicit AboveCost(double height_m) : height_m_(height_m) {}
+  explicit AboveCost(double height_m, const Rigid3d& level_from_world = {})
+      : above_m_(level_from_world.rotation.conjugate() * (height_m * Eigen::Vector3d::UnitZ())) {}
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
-  double height_m_;
+  Eigen::Vector3d above_m_;  // world axes
 };
 
 // total_station.csv (docs/file_formats.md). Unusable rows are skipped and named. Throws IoError, InputError.
 std::vector<StationSighting> ReadTotalStation(const std::filesystem::path& file, std::vector<std::string>* warnings);
+
+// A level frame in the middle of the known points. `enu`: world's frame; its ellipsoid's normal in the middle is
+// vertical there. Unset: world is a frame of the surveyor's own, and its z axis is taken for the vertical there.
+Rigid3d LevelFromWorld(const std::vector<NetworkPoint>& known, const std::optional<LocalFrame>& enu);
 
 // Least squares over set-ups, orientations and points; gauge: `known`, as well as they are known. Set-ups are placed
 // from points known so far (a known point of the set-up's name is where it stands) by two of these with distances at
 // least, then targets by polar readings. Readings beyond a standardised residual of 3.9 (99.99 %) are taken out one at
 // a time and named. Throws InputError where no set-up can be placed.
 StationNetwork AdjustNetwork(const std::vector<StationSighting>& sightings, const std::vector<NetworkPoint>& known,
-                             const CancelToken& cancel);
+                             const CancelToken& cancel, const Rigid3d& level_from_world = {});
 
 }  // namespace trigpoint

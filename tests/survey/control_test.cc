@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "calib/geo/geodetic.h"
 #include "survey/tags/map_compare.h"
 
@@ -36,6 +39,47 @@ TEST(Control, EveryThirdIsWithheldWhileThreeRemain) {
   // Without the third the others are on one line.
   std::vector<SurveyPoint> line = Points({{0, 0, 0}, {10, 0, 0}, {10, 10, 0}, {20, 0, 0}});
   EXPECT_EQ(WithholdChecks(&line), 0);
+}
+
+// Each tag's two corners stand one after the other in the table: by points alone, one would check the other.
+TEST(Control, PointsOfOneTagAreOnOneSide) {
+  constexpr size_t kTags = 6;
+  std::vector<Eigen::Vector3d> places;
+  for (size_t t = 0; t < kTags; ++t) {
+    const double angle = 1.0 * static_cast<double>(t);
+    places.emplace_back(10 * std::cos(angle), 10 * std::sin(angle), 1);
+    places.emplace_back(10 * std::cos(angle), 10 * std::sin(angle), 1.5);
+  }
+  std::vector<SurveyPoint> points = Points(places);
+  for (size_t i = 0; i < points.size(); ++i) {
+    points[i].tag_id = static_cast<int>(i / 2);
+    points[i].corner = static_cast<int>(i % 2);
+  }
+  EXPECT_EQ(WithholdChecks(&points), 4);
+  for (size_t i = 0; i < points.size(); ++i) {
+    EXPECT_EQ(points[i].role, (i / 2) % 3 == 2 ? PointRole::kCheck : PointRole::kControl) << i;
+  }
+  // Points without a tag have nothing in common.
+  for (SurveyPoint& p : points) p.tag_id = -1;
+  EXPECT_EQ(WithholdChecks(&points), 4);
+  for (size_t i = 0; i < points.size(); ++i) {
+    EXPECT_EQ(points[i].role, i % 3 == 2 ? PointRole::kCheck : PointRole::kControl) << i;
+  }
+}
+
+TEST(Control, ATriangleIsOneInAnyOrder) {
+  const auto expect = [](bool is_one, std::vector<Eigen::Vector3d> points) {
+    std::vector<int> order = {0, 1, 2};
+    do {
+      const auto at = [&](size_t k) { return points[static_cast<size_t>(order[k])]; };
+      EXPECT_EQ(IsTriangle(at(0), at(1), at(2)), is_one) << order[0] << order[1] << order[2];
+    } while (std::next_permutation(order.begin(), order.end()));
+  };
+  expect(true, {{0, 0, 0}, {10, 0, 0}, {5, 0.6, 0}});
+  expect(true, {{0, 0, 0}, {1, 0, 0}, {0, 10, 0}});
+  expect(false, {{0, 0, 0}, {1, 0, 0}, {10, 0.5, 0}});  // 0.05 m beside a line of 10 m
+  expect(false, {{0, 0, 0}, {0, 0, 0}, {10, 0, 0}});
+  expect(false, {{1, 2, 3}, {1, 2, 3}, {1, 2, 3}});
 }
 
 std::vector<TagEstimate> Map(const Rigid3d& t, double sigma) {

@@ -489,7 +489,37 @@ TEST(TagMap, AWrongSizeIsNamed) {
   yard.input.sizes.sizes_m[6] = 0.55;  // printed 0.5
   const SurveyResult map = Survey(yard.input);
   EXPECT_EQ(map.tags[6].status, "size") << map.tags[6].reason;
-  for (int i : {0, 1, 2, 3, 4, 5, 7}) EXPECT_NE(map.tags[i].status, "size") << i << map.tags[i].reason;
+  // The map was made with the size found, so whoever uses its poses needs that one.
+  EXPECT_LT(std::abs(map.tags[6].size_m - 0.5), 0.25 * 0.05);
+  for (int i : {0, 1, 2, 3, 4, 5, 7}) {
+    EXPECT_NE(map.tags[i].status, "size") << i << map.tags[i].reason;
+    EXPECT_EQ(map.tags[i].size_m, 0.5) << i;
+  }
+}
+
+// Without known lengths a wrong size scales all of the map about the tag that is held: its error is one for all tags.
+TEST(TagMap, ACommonSizeErrorIsSharedByTheTags) {
+  Yard yard = MakeYard(8);
+  yard.input.points.clear();
+  yard.input.fixed = FixedTag{2, yard.tags[2]};
+  yard.input.sizes.size_m /= 0.97;
+  const SurveyResult map = Survey(yard.input);
+  ASSERT_TRUE(map.common_size);
+  const Eigen::Vector3d held = yard.tags[2].translation;
+  const auto outwards = [&](int id) {
+    return (map.tags[static_cast<size_t>(id)].world_from_tag->translation - held).normalized();
+  };
+  const auto variance = [&](int id) {
+    return outwards(id).dot(map.tags[static_cast<size_t>(id)].covariance.bottomRightCorner<3, 3>() * outwards(id));
+  };
+  int pairs = 0;
+  for (const auto& [pair, covariance] : map.cross) {
+    const auto [a, b] = pair;
+    const double shared = outwards(a).dot(covariance.bottomRightCorner<3, 3>() * outwards(b));
+    EXPECT_GT(shared / std::sqrt(variance(a) * variance(b)), 0.8) << a << " " << b;
+    ++pairs;
+  }
+  EXPECT_EQ(pairs, 7 * 6 / 2);  // of all tags but the one that is held
 }
 
 // A sheet printed at 97 %: no single tag is worse than the others, and control is blamed for what odometry hides.
@@ -599,6 +629,26 @@ TEST(TagMap, ReadingsOfATotalStationHoldTheMap) {
   EXPECT_LT(worst, 0.016);
   EXPECT_GT(nees / n, 6 * 0.5);
   EXPECT_LT(nees / n, 6 * 1.5);
+}
+
+TEST(TagMap, ReadingsHoldTheMapWhereverItsCoordinatesBegin) {
+  Yard here = MakeYard(3);
+  ReadWithTotalStation(3, &here);
+  Yard there = here;
+  const Eigen::Vector3d grid(512'000, 5'321'000, 310);
+  for (NetworkPoint& p : there.input.stations->known) p.position += grid;
+  for (SurveyPoint& p : there.input.points) p.world_m += grid;
+  for (Yard* yard : {&here, &there}) {
+    SurveyStations& s = *yard->input.stations;
+    s.level_from_world = LevelFromWorld(s.known, std::nullopt);
+    s.network = AdjustNetwork(s.sightings, s.known, {}, s.level_from_world);
+  }
+  const SurveyResult one = Survey(here.input), two = Survey(there.input);
+  ASSERT_TRUE(two.in_world);
+  for (size_t i = 0; i < one.tags.size(); ++i) {
+    const Eigen::Vector3d &a = one.tags[i].world_from_tag->translation, &b = two.tags[i].world_from_tag->translation;
+    EXPECT_LT((b - a - grid).norm(), 1e-4) << i;
+  }
 }
 
 TEST(TagMap, ATagThatWasMovedAfterItWasReadIsNamedByItsLine) {
@@ -712,6 +762,19 @@ std::string RefusalOf(const Yard& yard) {
   return "";
 }
 
+TEST(TagMap, APlaneNeedsATagBesideTheLine) {
+  Yard yard = MakeYard(12, 0);  // all tags at one height
+  yard.input.points.clear();
+  const Rigid3d between(yard.tags[1].rotation, 0.5 * (yard.tags[0].translation + yard.tags[2].translation));
+  for (const size_t run : {0U, 1U}) Show(&yard, run, 1, between, 0, 80);
+  yard.input.level_tags = {0, 1, 2};
+  EXPECT_THAT(RefusalOf(yard), testing::HasSubstr("plane_tags (0 1 2): these tags lie on one line"));
+  yard.input.level_tags = {0, 1, 2, 5};
+  EXPECT_EQ(Survey(yard.input).datum, "plane");
+  yard.input.level_tags = {0, 5, 99};
+  EXPECT_THAT(RefusalOf(yard), testing::HasSubstr("in the map, found 2"));
+}
+
 // They lie 9 to 20 m off: with their full weight the first solution would not converge.
 TEST(TagMap, ExchangedPointsAreTakenOut) {
   Random random(31);
@@ -759,6 +822,10 @@ TEST(TagMap, SizesAndUnitsOfPointsAreToldApart) {
   const SurveyResult map = Survey(sizes.input);
   ASSERT_TRUE(map.common_size);
   EXPECT_NEAR(map.common_size->log_ratio, -std::log(1.013), 4 * map.common_size->sigma);
+  for (const TagEstimate& tag : map.tags) {
+    EXPECT_NEAR(std::log(tag.size_m / sizes.input.sizes.size_m), map.common_size->log_ratio,
+                0.5 * map.common_size->sigma);
+  }
   ExpectOthersRight(map, sizes, {});
   for (const PointAgreement& p : map.points) EXPECT_FALSE(p.excluded) << p.name;
   for (SurveyPoint& p : yards.input.points) p.world_m /= 0.9144;

@@ -47,10 +47,13 @@ TEST(StationCost, Derivatives) {
     const Rigid3d tag(ExpSO3(angle * Eigen::Vector3d(1, 2, 3).normalized()), target);
     std::array<double, 7> block{};
     Rigid3ToBlock(tag, block.data());
+    const Rigid3d level = draw % 2 == 0
+                              ? Rigid3d()
+                              : Rigid3d(ExpSO3({0.05 * random.Normal(), 0.05 * random.Normal(), 0.3}), {30, -20, 5});
     for (StationReading reading : kReadings) {
       for (const bool on_tag : {false, true}) {
         const StationCost cost(reading, 0.3, reading == StationReading::kDistance ? 0.002 : 2e-4,
-                               on_tag ? std::optional<Eigen::Vector3d>({0.1, -0.2, 0.05}) : std::nullopt, 0.1);
+                               on_tag ? std::optional<Eigen::Vector3d>({0.1, -0.2, 0.05}) : std::nullopt, 0.1, level);
         std::vector<const ceres::Manifold*> manifolds = {nullptr, on_tag ? &manifold : nullptr};
         std::vector<double*> parameters = {instrument.data(), on_tag ? block.data() : target.data()};
         if (reading == StationReading::kDirection) manifolds.push_back(nullptr), parameters.push_back(&orientation);
@@ -151,6 +154,59 @@ TEST(StationNetwork, IsAsGoodAsItSays) {
   // The mean of so many chi-squares. What is taken out by chance, 0.01 % of 44 readings, changes nothing.
   EXPECT_NEAR(nees, static_cast<double>(dof), 3 * std::sqrt(2.0 * static_cast<double>(dof) / kDraws));
   EXPECT_LE(excluded, 5);
+}
+
+// Readings do not depend on where world begins and how it is turned, and neither does what they show.
+void ExpectTheSameNetwork(const StationNetwork& here, const StationNetwork& there, const Rigid3d& there_from_here) {
+  EXPECT_EQ(here.warnings, there.warnings);
+  ASSERT_THAT(there.points, SizeIs(here.points.size()));
+  const Eigen::Matrix3d turn = there_from_here.rotation.toRotationMatrix();
+  for (size_t k = 0; k < here.points.size(); ++k) {
+    const auto at = 3 * static_cast<Eigen::Index>(k);
+    EXPECT_LT((there.points[k].position - there_from_here * here.points[k].position).norm(), 1e-5)
+        << here.points[k].name;
+    const Eigen::Matrix3d one = here.covariance.block<3, 3>(at, at), two = there.covariance.block<3, 3>(at, at);
+    EXPECT_LT((two - turn * one * turn.transpose()).norm(), 1e-4 * one.norm()) << here.points[k].name;
+  }
+  ASSERT_THAT(there.setups, SizeIs(here.setups.size()));
+  for (size_t k = 0; k < here.setups.size(); ++k) {
+    EXPECT_LT((there.setups[k].instrument - there_from_here * here.setups[k].instrument).norm(), 1e-5);
+  }
+}
+
+std::vector<NetworkPoint> Moved(std::vector<NetworkPoint> points, const Rigid3d& there_from_here) {
+  for (NetworkPoint& p : points) p.position = there_from_here * p.position;
+  return points;
+}
+
+// A national grid begins far from the site: its numbers are no distances along which the vertical leans.
+TEST(StationNetwork, CoordinatesOfTheSurveyorsOwnMayBeginAnywhere) {
+  const Site site = MakeSite(11);
+  const Rigid3d grid(Eigen::Quaterniond::Identity(), {512'000, 5'321'000, 310});
+  const std::vector<NetworkPoint> far = Moved(site.known, grid);
+  const StationNetwork here = AdjustNetwork(site.sightings, site.known, {}, LevelFromWorld(site.known, std::nullopt));
+  const StationNetwork there = AdjustNetwork(site.sightings, far, {}, LevelFromWorld(far, std::nullopt));
+  EXPECT_THAT(here.warnings, SizeIs(0));
+  ExpectTheSameNetwork(here, there, grid);
+}
+
+// An ENU frame that begins 500 km away has z 4.5 deg off the site's vertical.
+TEST(StationNetwork, AnOriginFarAwayTurnsTheVertical) {
+  const Site site = MakeSite(12);
+  const LocalFrame near({48, 7.8, 250}), far({52, 4.5, 0});
+  const Rigid3d far_from_ecef =
+      Rigid3d(Eigen::Quaterniond(far.EcefFromEnuRotation()), EcefFromGeodetic(far.origin())).Inverse();
+  const Rigid3d far_from_near =
+      far_from_ecef * Rigid3d(Eigen::Quaterniond(near.EcefFromEnuRotation()), EcefFromGeodetic(near.origin()));
+  ASSERT_GT(far_from_near.translation.head<2>().norm(), 4e5);
+  ASSERT_LT(
+      (far_from_near * Eigen::Vector3d(10, 20, 3) - far.EnuFromGeodetic(near.GeodeticFromEnu({10, 20, 3}))).norm(),
+      1e-6);
+  const std::vector<NetworkPoint> known = Moved(site.known, far_from_near);
+  const StationNetwork here = AdjustNetwork(site.sightings, site.known, {}, LevelFromWorld(site.known, near));
+  const StationNetwork there = AdjustNetwork(site.sightings, known, {}, LevelFromWorld(known, far));
+  EXPECT_THAT(here.warnings, SizeIs(0));
+  ExpectTheSameNetwork(here, there, far_from_near);
 }
 
 TEST(StationNetwork, BlundersAreNamed) {
