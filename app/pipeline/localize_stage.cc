@@ -274,7 +274,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 23;
+    request.version = 24;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -286,7 +286,7 @@ StageInfo LocalizeStage() {
     request.inputs.push_back(ManifestOf(project, "features", plain));
     request.inputs.push_back(ReconstructionManifest(project, "localize", target));
     for (const std::filesystem::path& manifest : ReferenceManifests(project)) request.inputs.push_back(manifest);
-    const std::filesystem::path features = ResultOf(project, "features", plain) / "features.db";
+    const std::filesystem::path features = ResultOf(project, "features", plain) / kFeaturesFile;
     const std::vector<std::filesystem::path> references = ReferenceResults(project);
     // As published, a reference's views share one centre.
     std::map<std::string, std::filesystem::path> rigs;

@@ -108,7 +108,7 @@ bool RequireConventions(const LocalizeInput& input, const ReconstructOptions& op
                            "; it is taken out. A wrong calibration (focal length, principal point) shows the same on a "
                            "path that bends to one side: check the gyroscope or wheels that odometry is from, and "
                            "camchain.yaml");
-  run->odometry = WithoutDrift(run->odometry, found.drift->significant_rad_m);
+  run->odometry = WithoutDrift(run->odometry, input.pose_stamps, input.odom_from_body, found.drift->significant_rad_m);
   return true;
 }
 
@@ -162,7 +162,7 @@ void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run
 }
 
 fs::path FeaturesOf(const Project& project, const StageTarget& target) {
-  return ResultOf(project, "features", Plain(target)) / "features.db";
+  return ResultOf(project, "features", Plain(target)) / kFeaturesFile;
 }
 
 // With the cameras of the run as they are. A run without odometry finds its motion first.
@@ -354,7 +354,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 16;
+    request.version = 17;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

@@ -12,22 +12,22 @@ namespace trigpoint {
 // never as smaller than stated.
 class HuberByMedian {
  public:
-  // Of a residual of this size (in stated sigmas, >= 0), which counts for the next round.
-  double Weight(double size) {
-    sizes_.push_back(size);
-    const double scaled = size / noise_;
+  // Of a residual of one to three components, by its norm (in stated sigmas of a component), which counts for the next
+  // round.
+  double Weight(double norm, size_t components = 1) {
+    sizes_.push_back(norm / kMedians[components - 1]);
+    const double scaled = sizes_.back() / noise_;
     return scaled > kKnee ? kKnee / scaled : 1;
   }
-  void EndRound() {
-    constexpr double kMedianOfNormal = 0.6745;
-    noise_ = std::max(1.0, Median(std::exchange(sizes_, {})) / kMedianOfNormal);
-  }
-  double noise() const { return noise_; }  // in stated sigmas, >= 1
+  void EndRound() { noise_ = std::max(1.0, Median(std::exchange(sizes_, {}))); }
+  double noise() const { return noise_; }  // of a component, in stated sigmas, >= 1
 
  private:
-  static constexpr double kKnee = 1.5;
+  // Of the norm of that many normal components of sigma 1: roots of the medians of chi-square.
+  static constexpr double kMedians[] = {0.6745, 1.1774, 1.5382};
+  static constexpr double kKnee = 1.5 / kMedians[0];  // in medians: 1.5 sigmas of one component
   double noise_ = 1;
-  std::vector<double> sizes_;
+  std::vector<double> sizes_;  // in medians
 };
 
 }  // namespace trigpoint

@@ -107,9 +107,9 @@ void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, Geo
       std::hypot(MedianOf(offsets, [](const Offset& o) { return o.sigma_v_m; }), std::sqrt(own(2, 2)));
   const bool is_far = far > std::max(kLeast_m, kSigmas * sigma_h);
   if (!is_far && std::abs(up) <= std::max(kLeastHeight_m, kHeightSigmas * sigma_v)) return;
-  Overlay over;
+  Overlay over;  // stays zero where only heights differ
   if (is_far) over = LayOver(offsets);
-  if (std::abs(over.turn_rad) < kSigmas * sigma_h / ExtentOf(offsets)) {  // by chance
+  if (is_far && std::abs(over.turn_rad) < kSigmas * sigma_h / ExtentOf(offsets)) {  // a turn by chance
     over.turn_rad = 0;
     over.shift_m = {MedianOf(offsets, [](const Offset& o) { return o.difference.x(); }),
                     MedianOf(offsets, [](const Offset& o) { return o.difference.y(); })};

@@ -9,8 +9,8 @@ inline constexpr size_t kLeastGpsFixes = 5;  // with fewer nothing is said
 
 // Of GPS that took no part in the fit. Where fixes lie, in the median, farther from the run, as the geotags place it,
 // than four of their sigmas and 10 m (height: five sigmas and 15 m), one of the two is wrong: the turn and shift
-// between them is added to the fit's covariance, and its reason says so; beyond 0.3 rad it is withheld. `problem`: the
-// run's poses, body_from_odom.
+// between them (of heights alone where only these differ) is added to the fit's covariance, and its reason says so;
+// beyond 0.3 rad it is withheld. `problem`: the run's poses, body_from_odom.
 void HeedGps(const BundleProblem& problem, const std::vector<GpsPlace>& gps, GeoRegistration* geo);
 
 // Of GPS that the fit is from, of which correlated fixes take no part: the run's plan is laid over all of them. Where

@@ -15,10 +15,12 @@ constexpr int kIterations = 10;
 constexpr double kLeastRotation_rad = 0.3 * kDegToRad, kLeastDirection_rad = 1 * kDegToRad;  // sigmas, with odometry's
 constexpr double kKnown_rad = 1 * kDegToRad;  // 1 sigma of an axis that counts
 
-// One vector by odometry and as it was measured, camera axes: a rotation vector or a unit direction.
+// One vector by odometry and as it was measured, camera axes: a rotation vector, whose error has three components, or a
+// unit direction, whose error has two.
 struct VectorPair {
   Eigen::Vector3d predicted, measured;
-  double sigma = 1;
+  double sigma = 1;  // of a component
+  size_t components = 3;
 };
 
 std::vector<VectorPair> PairsOf(const std::vector<Rigid3d>& odom_from_body,
@@ -28,11 +30,11 @@ std::vector<VectorPair> PairsOf(const std::vector<Rigid3d>& odom_from_body,
   for (const MeasuredMotion& m : motions) {
     const Rigid3d b_from_a = m.sensor_from_body * odom_from_body[static_cast<size_t>(m.b)].Inverse() *
                              odom_from_body[static_cast<size_t>(m.a)] * m.sensor_from_body.Inverse();
-    pairs.push_back(
-        {LogSO3(b_from_a.rotation), LogSO3(m.b_from_a.rotation), std::hypot(kLeastRotation_rad, m.sigma_rotation_rad)});
+    pairs.push_back({LogSO3(b_from_a.rotation), LogSO3(m.b_from_a.rotation),
+                     std::hypot(kLeastRotation_rad, m.sigma_rotation_rad), 3});
     if (!m.has_direction || b_from_a.translation.norm() < 1e-6) continue;
     pairs.push_back({b_from_a.translation.normalized(), m.b_from_a.translation.normalized(),
-                     std::hypot(kLeastDirection_rad, m.sigma_direction_rad)});
+                     std::hypot(kLeastDirection_rad, m.sigma_direction_rad), 2});
     ++directions;
   }
   return directions < kLeastMotions ? std::vector<VectorPair>() : pairs;
@@ -53,7 +55,7 @@ std::optional<MountError> FindMountError(const std::vector<Rigid3d>& odom_from_b
     for (const VectorPair& pair : pairs) {
       const Eigen::Vector3d predicted = turn * pair.predicted, off = (pair.measured - predicted) / pair.sigma;
       const Eigen::Matrix3d j = -Skew(predicted) / pair.sigma;  // of Exp(d) predicted
-      const double weight = huber.Weight(off.norm());
+      const double weight = huber.Weight(off.norm(), pair.components);
       normal += weight * j.transpose() * j;
       right += weight * j.transpose() * off;
     }

@@ -287,8 +287,10 @@ FeatureSet ResizedFeatures(FeatureSet features, const Camera& from, const Camera
 FeatureStore::FeatureStore(const std::vector<std::filesystem::path>& databases) {
   for (const std::filesystem::path& file : databases) {
     databases_.push_back(ColmapDatabase::OpenRead(file));
-    for (const DatabaseImage& image : databases_.back().Images())
-      places_[image.name] = {databases_.size() - 1, image.id};
+    for (const DatabaseImage& image : databases_.back().Images()) {
+      const bool fresh = places_.insert_or_assign(image.name, Place{databases_.size() - 1, image.id}).second;
+      if (fresh) names_.push_back(image.name);
+    }
   }
 }
 

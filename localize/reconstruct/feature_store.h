@@ -17,8 +17,6 @@
 
 namespace trigpoint {
 
-constexpr const char* kFeaturesFile = "features.db";
-
 // What became of the pictures: how many, and a sentence for each that could not be used.
 struct ExtractionReport {
   int pictures = 0, kept = 0;  // kept: of these, with the features found before
@@ -55,6 +53,7 @@ class FeatureStore {
  public:
   explicit FeatureStore(const std::filesystem::path& database) : FeatureStore(std::vector{database}) {}
   explicit FeatureStore(const std::vector<std::filesystem::path>& databases);
+  const std::vector<std::string>& names() const { return names_; }  // in the order of the databases
   bool Has(const std::string& name) const { return places_.count(name) > 0; }
   FeatureSet Read(const std::string& name) const;
 
@@ -64,6 +63,7 @@ class FeatureStore {
     uint32_t id;
   };
   std::vector<ColmapDatabase> databases_;
+  std::vector<std::string> names_;
   std::map<std::string, Place> places_;
   mutable std::mutex mutex_;
 };

@@ -61,7 +61,19 @@ struct LocalizeInput {
   double scale_sigma = 0.01;
 };
 
-// Distance of consecutive body poses by odometry, m: the median.
+// The next image of the same camera; -1 after the last.
+std::vector<int> NextOfCamera(const LocalizeInput& input);
+
+// Distance of consecutive images of a camera by odometry, m: the median. That of consecutive body poses may be near
+// zero: cameras whose clocks differ by milliseconds have a body pose each.
 double MedianStep(const LocalizeInput& input);
+
+// How far the body has travelled up to each image, m. Its cameras stand apart: from one to the other nothing moves.
+std::vector<double> PathToImages(const LocalizeInput& input, const std::vector<Rigid3d>& body_from_odom);
+
+// The moment of each body pose, counted from 0. Poses of one moment belong to different cameras and lie within a
+// quarter of the median time between images of a camera; up to four cameras that take turns evenly have moments of
+// their own.
+std::vector<int> MomentsOfPoses(const LocalizeInput& input);
 
 }  // namespace trigpoint

@@ -7,9 +7,6 @@
 namespace trigpoint {
 namespace {
 
-constexpr const char* kDatabase = "features.db";
-constexpr const char* kSources = "pictures.txt";  // a line a picture: source, tab, name
-
 // Two masks are alike or not.
 uint64_t DigestOf(const cv::Mat& mask) {
   uint64_t digest = kFnvBasis;
@@ -24,14 +21,14 @@ std::string TextOf(const FeatureOptions& o) {
 }  // namespace
 
 KeptFeatures::KeptFeatures(const FeaturesBefore& before, const std::filesystem::path& out)
-    : before_(before), sources_(out / kSources) {
-  std::ifstream in(before.dir / kSources);
+    : before_(before), sources_(out / kPicturesFile) {
+  std::ifstream in(before.dir / kPicturesFile);
   if (before.dir.empty() || !in) return;
   for (std::string line; std::getline(in, line);) {
     const size_t tab = line.find('\t');
     if (tab != std::string::npos) source_of_[line.substr(tab + 1)] = line.substr(0, tab);
   }
-  database_.emplace(ColmapDatabase::OpenRead(before.dir / kDatabase));
+  database_.emplace(ColmapDatabase::OpenRead(before.dir / kFeaturesFile));
   for (const DatabaseImage& image : database_->Images()) id_of_[image.name] = image.id;
 }
 

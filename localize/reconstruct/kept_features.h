@@ -15,6 +15,10 @@
 
 namespace trigpoint {
 
+// Of the stages features and references.
+constexpr const char* kFeaturesFile = "features.db";
+constexpr const char* kPicturesFile = "pictures.txt";  // a line a picture: what its features were found from, tab, name
+
 struct FeatureStageOptions {
   FeatureOptions images;      // of the run's images
   FeatureOptions references;  // of views and photos

@@ -25,15 +25,11 @@ struct Loop {
 class LoopFinder {
  public:
   LoopFinder(const LocalizeInput& input, const LoopOptions& options, const Reconstruction& r)
-      : input_(input), o_(options), r_(r) {
+      : input_(input), o_(options), r_(r), travelled_(PathToImages(input, r.problem.poses)) {
     for (const FrameImage& image : input.images) {
       const Rigid3d cam_from_odom = CamFromBody(image) * r.problem.poses[static_cast<size_t>(image.pose)];
       centres_.push_back(cam_from_odom.TargetOriginInSource());
       axes_.push_back(cam_from_odom.rotation.conjugate() * Eigen::Vector3d::UnitZ());
-      const size_t n = centres_.size();
-      // Cameras of one body that look elsewhere add no path.
-      const bool moved = n > 1 && input.images[n - 2].pose != image.pose;
-      travelled_.push_back(n < 2 ? 0 : travelled_.back() + (moved ? (centres_[n - 1] - centres_[n - 2]).norm() : 0));
     }
   }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -102,17 +103,6 @@ std::optional<MeasuredMotion> Measure(const LocalizeInput& input, const MatchedP
   return m;
 }
 
-// The next image of the same camera; -1 after the last.
-std::vector<int> NextOfCamera(const LocalizeInput& input) {
-  std::vector<int> next(input.images.size(), -1), last(input.cameras.size(), -1);
-  for (size_t i = 0; i < input.images.size(); ++i) {
-    int& before = last[static_cast<size_t>(input.images[i].camera)];
-    if (before >= 0) next[static_cast<size_t>(before)] = static_cast<int>(i);
-    before = static_cast<int>(i);
-  }
-  return next;
-}
-
 // The image `count` images later; -1 after the last.
 int Later(const std::vector<int>& next, int image, int count) {
   for (int k = 0; k < count && image >= 0; ++k) image = next[static_cast<size_t>(image)];
@@ -197,28 +187,36 @@ std::vector<int> Turning(const LocalizeInput& input, const std::vector<int>& nex
   return images;
 }
 
-// Speeds of the body's own motion from a pose to the next: rotation rad/s, translation m/s.
-Vector6d SpeedOf(const LocalizeInput& input, int pose) {
-  const auto k = static_cast<size_t>(pose);
-  const Rigid3d step = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
-  Vector6d speed;
-  speed << LogSO3(step.rotation), step.translation;
-  return speed / std::max(1e-3, 1e-9 * static_cast<double>(input.pose_stamps[k + 1] - input.pose_stamps[k]));
+double SecondsBetween(const LocalizeInput& input, int a, int b) {
+  return 1e-9 *
+         static_cast<double>(input.pose_stamps[static_cast<size_t>(b)] - input.pose_stamps[static_cast<size_t>(a)]);
 }
 
-// A step that differs from those around it, and the step that they make likely instead.
+// Speeds of the body's own motion between two poses: rotation rad/s, translation m/s.
+Vector6d SpeedOf(const LocalizeInput& input, int a, int b) {
+  const Rigid3d step =
+      input.odom_from_body[static_cast<size_t>(a)].Inverse() * input.odom_from_body[static_cast<size_t>(b)];
+  Vector6d speed;
+  speed << LogSO3(step.rotation), step.translation;
+  return speed / std::max(1e-3, SecondsBetween(input, a, b));
+}
+
+// A step from an image of a camera to the next that differs from those around it, and the step that they make likely
+// instead. Each camera has its own steps: where the cameras' clocks differ by milliseconds, those between consecutive
+// poses are next to nothing, and no image shows them.
 struct OddStep {
-  int pose = 0;      // from this one to the next
+  int a = 0, b = 0;  // poses
   double score = 0;  // how much it differs; 1: worth a look
   Rigid3d likely;
 };
 
-std::vector<OddStep> FindOddSteps(const LocalizeInput& input, size_t count) {
+// Of one camera, whose images have these poses.
+std::vector<OddStep> OddStepsAlong(const LocalizeInput& input, const std::vector<int>& poses) {
   constexpr int kAround = 3;
   constexpr double kOdd_m = 0.3, kOddPart = 0.25, kOdd_rad = 10 * kDegToRad;
-  const int steps = static_cast<int>(input.odom_from_body.size()) - 1;
   std::vector<Vector6d> speeds;
-  for (int k = 0; k < steps; ++k) speeds.push_back(SpeedOf(input, k));
+  for (size_t k = 1; k < poses.size(); ++k) speeds.push_back(SpeedOf(input, poses[k - 1], poses[k]));
+  const int steps = static_cast<int>(speeds.size());
   std::vector<OddStep> odd;
   for (int k = 0; k < steps; ++k) {
     Vector6d likely = Vector6d::Zero();
@@ -229,18 +227,33 @@ std::vector<OddStep> FindOddSteps(const LocalizeInput& input, size_t count) {
       }
       likely(c) = Median(std::move(around));
     }
-    const double seconds = 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(k) + 1] -
-                                                      input.pose_stamps[static_cast<size_t>(k)]);
+    OddStep step;
+    step.a = poses[static_cast<size_t>(k)], step.b = poses[static_cast<size_t>(k) + 1];
+    const double seconds = SecondsBetween(input, step.a, step.b);
     const Vector6d difference = seconds * (speeds[static_cast<size_t>(k)] - likely);
     likely *= seconds;
-    OddStep step;
-    step.pose = k;
     step.likely = {ExpSO3(likely.head<3>()), likely.tail<3>()};
     step.score = std::max(difference.tail<3>().norm() / std::max(kOdd_m, kOddPart * likely.tail<3>().norm()),
                           difference.head<3>().norm() / kOdd_rad);
     if (step.score > 1) odd.push_back(step);
   }
-  std::stable_sort(odd.begin(), odd.end(), [](const OddStep& a, const OddStep& b) { return a.score > b.score; });
+  return odd;
+}
+
+// Those of all cameras, the oddest first.
+std::vector<OddStep> FindOddSteps(const LocalizeInput& input, size_t count) {
+  std::vector<std::vector<int>> poses(input.cameras.size());
+  for (const FrameImage& image : input.images) poses[static_cast<size_t>(image.camera)].push_back(image.pose);
+  std::map<std::pair<int, int>, OddStep> by_poses;  // cameras that share poses share steps
+  for (const std::vector<int>& its : poses) {
+    for (const OddStep& step : OddStepsAlong(input, its)) {
+      OddStep& known = by_poses[{step.a, step.b}];
+      if (step.score > known.score) known = step;
+    }
+  }
+  std::vector<OddStep> odd;
+  for (const auto& [ends, step] : by_poses) odd.push_back(step);
+  std::stable_sort(odd.begin(), odd.end(), [](const OddStep& x, const OddStep& y) { return x.score > y.score; });
   if (odd.size() > count) odd.resize(count);
   return odd;
 }
@@ -278,8 +291,8 @@ struct JumpGates {
 // Whether a motion over a step contradicts it and agrees with the likely one.
 bool ShowsJump(const std::vector<Rigid3d>& poses, const OddStep& step, MeasuredMotion motion, const JumpGates& gates) {
   motion.a = 0, motion.b = 1;
-  const auto k = static_cast<size_t>(step.pose);
-  return gates.IsOff(CompareMotion({poses[k], poses[k + 1]}, motion), motion) &&
+  const auto a = static_cast<size_t>(step.a), b = static_cast<size_t>(step.b);
+  return gates.IsOff(CompareMotion({poses[a], poses[b]}, motion), motion) &&
          !gates.IsOff(CompareMotion({Rigid3d(), step.likely}, motion), motion);
 }
 
@@ -287,8 +300,7 @@ bool ShowsJump(const std::vector<Rigid3d>& poses, const OddStep& step, MeasuredM
 bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddStep& step, const JumpGates& gates,
             const OdometryCheckOptions& options, uint64_t seed) {
   for (size_t i = 0; i < input.images.size(); ++i) {
-    if (input.images[i].pose != step.pose || next[i] < 0 ||
-        input.images[static_cast<size_t>(next[i])].pose != step.pose + 1) {
+    if (input.images[i].pose != step.a || next[i] < 0 || input.images[static_cast<size_t>(next[i])].pose != step.b) {
       continue;
     }
     const std::optional<MatchedPair> pair =
@@ -299,20 +311,20 @@ bool IsJump(const LocalizeInput& input, const std::vector<int>& next, const OddS
   return false;
 }
 
-// Whether one motion alone shows that a step is wrong: it is from a pose to the next, has many matches, differs much,
+// Whether one motion alone shows that a step is wrong: it is from an image to the next, has many matches, differs much,
 // and agrees with the steps around it. Motions that repeated windows or traffic pretend do not agree with these.
 bool IsShownWell(const std::vector<Rigid3d>& poses, const MeasuredMotion& m, const std::vector<OddStep>& odd,
                  const JumpGates& gates) {
   constexpr int kMatches = 50;
-  return m.b - m.a == 1 && m.matches >= kMatches && !Agrees(poses, m) &&
-         std::any_of(odd.begin(), odd.end(),
-                     [&](const OddStep& step) { return step.pose == m.a && ShowsJump(poses, step, m, gates); });
+  return m.matches >= kMatches && !Agrees(poses, m) && std::any_of(odd.begin(), odd.end(), [&](const OddStep& step) {
+           return step.a == m.a && step.b == m.b && ShowsJump(poses, step, m, gates);
+         });
 }
 
 // The poses between which odometry jumps: all motions that contradict it span that step, or begin or end at the one
-// pose that is wrong, and the others agree (with a wrong lens model they do not, though one place stands out). A single
-// one must be shown well. One pose must stand out by its steps, too: else its image is of another moment. Nothing where
-// they say no such thing.
+// moment that is wrong, and the others agree (with a wrong lens model they do not, though one place stands out). A
+// single one must be shown well. One moment must stand out by its steps, too: else its image is of another. Nothing
+// where they say no such thing.
 std::optional<std::pair<int, int>> FindBrokenPlace(const LocalizeInput& input,
                                                    const std::vector<MeasuredMotion>& motions, const JumpGates& gates) {
   const std::vector<Rigid3d>& poses = input.odom_from_body;
@@ -345,11 +357,15 @@ std::optional<std::pair<int, int>> FindBrokenPlace(const LocalizeInput& input,
     const auto spans = [k](const MeasuredMotion& m) { return std::min(m.a, m.b) <= k && std::max(m.a, m.b) > k; };
     if (explains(spans)) return std::pair(k, k + 1);
   }
+  const std::vector<int> moments = MomentsOfPoses(input);
+  const auto moment = [&](int pose) { return moments[static_cast<size_t>(pose)]; };
   std::set<int> ends_of_odd;
-  for (const OddStep& step : odd) ends_of_odd.insert({step.pose, step.pose + 1});
+  for (const OddStep& step : odd) ends_of_odd.insert({moment(step.a), moment(step.b)});
   for (const int k : ends_of_odd) {
-    const auto ends = [k](const MeasuredMotion& m) { return m.a == k || m.b == k; };
-    if (explains(ends)) return std::pair(std::max(0, k - 1), std::min(last, k + 1));
+    if (!explains([&](const MeasuredMotion& m) { return moment(m.a) == k || moment(m.b) == k; })) continue;
+    const auto [begin, end] = std::equal_range(moments.begin(), moments.end(), k);
+    return std::pair(std::max(0, static_cast<int>(begin - moments.begin()) - 1),
+                     std::min(last, static_cast<int>(end - moments.begin())));
   }
   return std::nullopt;
 }
@@ -408,12 +424,12 @@ std::optional<std::string> FindJump(const LocalizeInput& input, const std::strin
   std::vector<char> jumps(odd.size(), 0);
   ParallelFor(static_cast<int64_t>(odd.size()), threads, cancel, [&](int64_t i) {
     const auto k = static_cast<size_t>(i);
-    jumps[k] = IsJump(input, next, odd[k], gates, options, seed + static_cast<uint64_t>(odd[k].pose)) ? 1 : 0;
+    jumps[k] = IsJump(input, next, odd[k], gates, options, seed + static_cast<uint64_t>(odd[k].a)) ? 1 : 0;
   });
   const auto first = std::find(jumps.begin(), jumps.end(), 1);
   if (first == jumps.end()) return std::nullopt;
-  const int pose = odd[static_cast<size_t>(first - jumps.begin())].pose;
-  return Jump(input, odometry, pose, pose + 1);
+  const OddStep& step = odd[static_cast<size_t>(first - jumps.begin())];
+  return Jump(input, odometry, step.a, step.b);
 }
 
 std::string Counts(const MotionAgreement& m) {

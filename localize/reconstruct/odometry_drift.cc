@@ -7,6 +7,7 @@
 
 #include "calib/estimation/huber_by_median.h"
 #include "calib/geo/geodetic.h"
+#include "calib/geometry/path.h"
 #include "calib/geometry/so3.h"
 
 namespace trigpoint {
@@ -21,14 +22,6 @@ struct Turn {
   Eigen::Vector3d off;
   double length = 0;
 };
-
-std::vector<double> Travelled(const std::vector<Rigid3d>& poses) {
-  std::vector<double> travelled(poses.size(), 0);
-  for (size_t k = 1; k < poses.size(); ++k) {
-    travelled[k] = travelled[k - 1] + (poses[k].translation - poses[k - 1].translation).norm();
-  }
-  return travelled;
-}
 
 std::vector<Turn> TurnsOf(const std::vector<Rigid3d>& poses, const std::vector<double>& travelled,
                           const std::vector<MeasuredMotion>& motions) {
@@ -52,7 +45,7 @@ std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_bod
   constexpr double kSigmas = 4;
   const int independent = IndependentMotions(motions);
   if (independent < kLeastMotions) return std::nullopt;
-  const std::vector<double> travelled = Travelled(odom_from_body);
+  const std::vector<double> travelled = PathLengths(odom_from_body);
   const std::vector<Turn> turns = TurnsOf(odom_from_body, travelled, motions);
   OdometryDrift drift;
   drift.length_m = travelled.back();
@@ -94,11 +87,29 @@ std::string DriftText(const OdometryDrift& drift) {
       drift.rad_m(axis) * drift.length_m * kRadToDeg, drift.length_m, drift.noise_rad * kRadToDeg);
 }
 
-Trajectory WithoutDrift(const Trajectory& odometry, const Eigen::Vector3d& rad_m) {
+namespace {
+
+// How far the body has travelled at a time, evenly between two poses; nothing before the first and after the last.
+double TravelledAt(const std::vector<int64_t>& stamps_ns, const std::vector<double>& travelled, int64_t stamp_ns) {
+  const auto after = std::upper_bound(stamps_ns.begin(), stamps_ns.end(), stamp_ns);
+  if (after == stamps_ns.begin()) return travelled.front();
+  if (after == stamps_ns.end()) return travelled.back();
+  const auto k = static_cast<size_t>(after - stamps_ns.begin());
+  const double share =
+      static_cast<double>(stamp_ns - stamps_ns[k - 1]) / static_cast<double>(stamps_ns[k] - stamps_ns[k - 1]);
+  return travelled[k - 1] + share * (travelled[k] - travelled[k - 1]);
+}
+
+}  // namespace
+
+Trajectory WithoutDrift(const Trajectory& odometry, const std::vector<int64_t>& stamps_ns,
+                        const std::vector<Rigid3d>& odom_from_body, const Eigen::Vector3d& rad_m) {
+  const std::vector<double> travelled = PathLengths(odom_from_body);
+  const auto travelled_at = [&](size_t k) { return TravelledAt(stamps_ns, travelled, odometry.poses[k].stamp_ns); };
   Trajectory result = odometry;
   for (size_t k = 1; k < odometry.poses.size(); ++k) {
     Rigid3d step = odometry.poses[k - 1].target_from_body.Inverse() * odometry.poses[k].target_from_body;
-    step.rotation = step.rotation * ExpSO3(-step.translation.norm() * rad_m);
+    step.rotation = step.rotation * ExpSO3((travelled_at(k - 1) - travelled_at(k)) * rad_m);
     result.poses[k].target_from_body = result.poses[k - 1].target_from_body * step;
     result.poses[k].target_from_body.rotation.normalize();
   }

@@ -29,7 +29,10 @@ std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_bod
 // "its heading drifts by +0.34 deg a metre (1 sigma 0.01), ...": of the axis that drifts most.
 std::string DriftText(const OdometryDrift& drift);
 
-// Odometry whose steps are turned back by the drift; lengths of steps and the first pose stay.
-Trajectory WithoutDrift(const Trajectory& odometry, const Eigen::Vector3d& rad_m);
+// Odometry whose steps are turned back by the drift; lengths of steps and the first pose stay. The metres are those of
+// FindDrift, between the poses that it was found at (`stamps_ns`, ascending, and `odom_from_body`): odometry's own path
+// is longer, by the noise of its steps. Needs at least one of these poses.
+Trajectory WithoutDrift(const Trajectory& odometry, const std::vector<int64_t>& stamps_ns,
+                        const std::vector<Rigid3d>& odom_from_body, const Eigen::Vector3d& rad_m);
 
 }  // namespace trigpoint

@@ -41,12 +41,24 @@ double TrimmedMean(std::vector<double> v) {
   return sum / static_cast<double>(keep) / (keep < v.size() ? 0.884 : 1.0);
 }
 
+// The steps of odometry that show its noise: those from one moment to the next. Between cameras of one moment, whose
+// clocks differ by milliseconds, nothing moves.
+std::vector<const PoseFactor*> StepsOf(const BundleProblem& p, const std::vector<int>& moments) {
+  std::vector<const PoseFactor*> steps;
+  for (const PoseFactor& f : p.factors) {
+    if (moments[static_cast<size_t>(f.a)] != moments[static_cast<size_t>(f.b)]) steps.push_back(&f);
+  }
+  return steps;
+}
+
 // Expectation-maximisation step for the odometry's noise: sigma^2 = mean(r^2 + posterior variance of r), a factor on
 // each of the six axes of the body (a robot's yaw is far noisier than its tilt, forward noisier than sideways). r^2 is
 // taken from the differences of successive residuals: what they have in common over a stretch is the slow drift of
 // scale and direction that images alone accumulate; it is no noise of odometry. Where poses are noisy instead of steps,
 // successive residuals have opposite signs and differ by more: there the residuals themselves are taken.
-Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const CancelToken& cancel) {
+Vector6d EstimateOdometryNoise(const BundleProblem& p, const std::vector<int>& moments, int threads,
+                               const CancelToken& cancel) {
+  const std::vector<const PoseFactor*> steps = StepsOf(p, moments);
   std::vector<int> next(p.poses.size(), -1);
   for (const PoseFactor& f : p.factors) next[static_cast<size_t>(f.a)] = f.b;
   std::vector<Matrix6d> diagonal, with_next;
@@ -54,7 +66,8 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
   // Squares of all components, normalised.
   std::array<std::vector<double>, 6> of_differences, of_residuals;
   Vector6d last = Vector6d::Zero();
-  for (const PoseFactor& f : p.factors) {
+  for (const PoseFactor* step : steps) {
+    const PoseFactor& f = *step;
     const size_t a = static_cast<size_t>(f.a), b = static_cast<size_t>(f.b);
     Matrix6d ja, jb;
     RelativeJacobians(p.poses[a], p.poses[b], &ja, &jb);
@@ -63,7 +76,7 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
         ja * diagonal[a] * ja.transpose() + jb * diagonal[b] * jb.transpose() + cross + cross.transpose();
     const Vector6d e = OdometryResidual(p, f);
     const Vector6d normalised = f.sqrt_info.diagonal().cwiseProduct(e);
-    for (int i = 0; i < 6 && &f != &p.factors.front(); ++i) {
+    for (int i = 0; i < 6 && step != steps.front(); ++i) {
       const double known = std::pow(f.sqrt_info(i, i), 2) * std::max(0.0, posterior(i, i));
       of_differences[static_cast<size_t>(i)].push_back(0.5 * std::pow(normalised(i) - last(i), 2) + known);
       of_residuals[static_cast<size_t>(i)].push_back(std::pow(normalised(i), 2) + known);
@@ -76,7 +89,7 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
     by_residuals(i) = TrimmedMean(std::move(of_residuals[static_cast<size_t>(i)]));
   }
   // Two standard deviations of a mean of squares.
-  const double chance = 2 * std::sqrt(2.0 / (6.0 * static_cast<double>(p.factors.size())));
+  const double chance = 2 * std::sqrt(2.0 / (6.0 * static_cast<double>(steps.size())));
   const bool noisy_poses = by_residuals.cwiseQuotient(by_differences).mean() < 1 - chance;
   return (noisy_poses ? by_residuals : by_differences).cwiseSqrt();
 }
@@ -85,16 +98,16 @@ Vector6d EstimateOdometryNoise(const BundleProblem& p, int threads, const Cancel
 // allows: mean over stretches of the squared sum of forward residuals, less the scale they share, over its expectation.
 // Images alone let the length of steps drift (forward motion, a distortion that isn't modelled); odometry doesn't, so
 // that an excess is caused by the features.
-double LongWaveExcess(const BundleProblem& p) {
+double LongWaveExcess(const BundleProblem& p, const std::vector<int>& moments) {
   constexpr size_t kStretch = 10;
   std::vector<double> along, length, sigma;
-  for (const PoseFactor& f : p.factors) {
-    const double way = f.measured.translation.norm();
+  for (const PoseFactor* f : StepsOf(p, moments)) {
+    const double way = f->measured.translation.norm();
     if (way < 1e-6) continue;
-    const Eigen::Vector3d unit = f.measured.translation / way;
-    along.push_back(unit.dot(OdometryResidual(p, f).tail<3>()));
+    const Eigen::Vector3d unit = f->measured.translation / way;
+    along.push_back(unit.dot(OdometryResidual(p, *f).tail<3>()));
     length.push_back(way);
-    sigma.push_back(1 / (f.sqrt_info.diagonal().tail<3>().cwiseProduct(unit)).norm());
+    sigma.push_back(1 / (f->sqrt_info.diagonal().tail<3>().cwiseProduct(unit)).norm());
   }
   double xx = 0, xy = 0;
   for (size_t i = 0; i < along.size(); ++i) {
@@ -128,15 +141,15 @@ Vector6d FactorToStated(const Vector6d& noise, const Vector6d& most, size_t step
 // whitened, and of the noise factors that the data ask for (`wanted`: times the noise of the factors), which may not
 // grow. An outlier of odometry counts as kSlipped at most, so that a single one is no contradiction. Of a few steps
 // some always look better than `most` along some axes; what remains along the others would look like a contradiction.
-double Contradiction(const BundleProblem& p, const Vector6d& wanted, const Vector6d& noise, const Vector6d& most) {
+double Contradiction(const BundleProblem& p, const std::vector<const PoseFactor*>& steps, const Vector6d& wanted,
+                     const Vector6d& noise, const Vector6d& most) {
   constexpr double kSlipped = 100;
-  const Vector6d to_stated = FactorToStated(noise, most, p.factors.size());
+  const Vector6d to_stated = FactorToStated(noise, most, steps.size());
   double sum = 0;
-  for (const PoseFactor& f : p.factors) {
-    sum += std::min(kSlipped, (f.sqrt_info * OdometryResidual(p, f)).cwiseProduct(to_stated).squaredNorm());
+  for (const PoseFactor* f : steps) {
+    sum += std::min(kSlipped, (f->sqrt_info * OdometryResidual(p, *f)).cwiseProduct(to_stated).squaredNorm());
   }
-  return std::max(sum / (6.0 * static_cast<double>(p.factors.size())),
-                  wanted.cwiseProduct(to_stated).squaredNorm() / 6);
+  return std::max(sum / (6.0 * static_cast<double>(steps.size())), wanted.cwiseProduct(to_stated).squaredNorm() / 6);
 }
 
 // Whitened squared error of an observation at a point.
@@ -353,8 +366,8 @@ void WidenNoise(const ReconstructOptions& options, double wider, Reconstruction*
 }
 
 // Widens the noise of features that stray from odometry over long stretches. Returns the factor.
-double WidenByLongWave(const ReconstructOptions& options, Reconstruction* r) {
-  const double excess = LongWaveExcess(r->problem);
+double WidenByLongWave(const ReconstructOptions& options, const std::vector<int>& moments, Reconstruction* r) {
+  const double excess = LongWaveExcess(r->problem, moments);
   if (!(excess > kMostExcess)) return 1;
   const double wider = std::sqrt(excess);
   WidenNoise(options, wider, r);
@@ -362,9 +375,9 @@ double WidenByLongWave(const ReconstructOptions& options, Reconstruction* r) {
 }
 
 // The factor on odometry's noise that follows from the one its factors have.
-Vector6d NextNoiseFactor(const BundleProblem& p, const Vector6d& noise_factor, const Vector6d& most_noise, int threads,
-                         const CancelToken& cancel) {
-  const Vector6d factor = EstimateOdometryNoise(p, threads, cancel);
+Vector6d NextNoiseFactor(const BundleProblem& p, const std::vector<int>& moments, const Vector6d& noise_factor,
+                         const Vector6d& most_noise, int threads, const CancelToken& cancel) {
+  const Vector6d factor = EstimateOdometryNoise(p, moments, threads, cancel);
   return noise_factor.cwiseProduct(factor.cwiseMax(0.05)).cwiseMin(most_noise);
 }
 
@@ -444,13 +457,14 @@ void WidenUntilConsistent(const LocalizeInput& input, const ReconstructOptions& 
                           const Vector6d& most_noise, Vector6d* noise_factor, Reconstruction* r, ProgressSink& progress,
                           const CancelToken& cancel) {
   BundleProblem& p = r->problem;
-  if (p.factors.size() < 4) return;
+  const std::vector<int> moments = MomentsOfPoses(input);
+  if (StepsOf(p, moments).size() < 4) return;
   constexpr int kRounds = 12;
   // Two standard deviations of a mean of chi-squares with 6 dof above 1.
-  const double limit = 1 + 2 / std::sqrt(3.0 * static_cast<double>(p.factors.size()));
+  const double limit = 1 + 2 / std::sqrt(3.0 * static_cast<double>(StepsOf(p, moments).size()));
   for (int round = 0; round < kRounds; ++round) {
-    const Vector6d wanted = EstimateOdometryNoise(p, bundle.threads, cancel);
-    const double contradiction = Contradiction(p, wanted, *noise_factor, most_noise);
+    const Vector6d wanted = EstimateOdometryNoise(p, moments, bundle.threads, cancel);
+    const double contradiction = Contradiction(p, StepsOf(p, moments), wanted, *noise_factor, most_noise);
     if (contradiction < limit) return;
     const double wider = std::clamp(std::sqrt(contradiction), 1.4, 3.0);
     WidenNoise(options, wider, r);
@@ -458,7 +472,7 @@ void WidenUntilConsistent(const LocalizeInput& input, const ReconstructOptions& 
     r->summary = SolveBundle(p, bundle, progress, cancel);
     RetriangulateInvalid(4 * options.outlier_chi2, r, bundle.threads, cancel);
     Gate(options, options.outlier_chi2, r);
-    *noise_factor = NextNoiseFactor(p, *noise_factor, most_noise, bundle.threads, cancel);
+    *noise_factor = NextNoiseFactor(p, moments, *noise_factor, most_noise, bundle.threads, cancel);
     p.factors = OdometryFactors(input, options, *noise_factor);
   }
 }
@@ -542,6 +556,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
   BundleProblem& p = r.problem;
   BundleOptions bundle;
   bundle.threads = threads;
+  const std::vector<int> moments = MomentsOfPoses(input);
 
   Vector6d noise_factor = FirstNoiseFactor(start);
   // An upper limit: with a larger noise of odometry, wrong images would outweigh a measurement whose noise is stated.
@@ -570,11 +585,11 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
         Gate(options, gate, &r);
         EstimateSigma(options, long_wave, &r);
       }
-      if (options.estimate_odometry && p.factors.size() >= 8) {
+      if (options.estimate_odometry && StepsOf(p, moments).size() >= 8) {
         Gate(options, gate, &r);
-        noise_factor = NextNoiseFactor(p, noise_factor, most_noise, threads, cancel);
+        noise_factor = NextNoiseFactor(p, moments, noise_factor, most_noise, threads, cancel);
         p.factors = OdometryFactors(input, options, noise_factor);
-        if (options.estimate_sigma) long_wave *= WidenByLongWave(options, &r);
+        if (options.estimate_sigma) long_wave *= WidenByLongWave(options, moments, &r);
       }
     }
   }

@@ -37,12 +37,22 @@ Rigid3d Moved(const Rigid3d& pose, const Eigen::Matrix<double, 5, 1>& delta) {
 using Vector5d = Eigen::Matrix<double, 5, 1>;
 using Matrix5d = Eigen::Matrix<double, 5, 5>;
 
-// The tangent that takes the prior to the pose, to first order: rotation, direction of translation.
-Vector5d FromPrior(const Rigid3d& pose, const Rigid3d& prior) {
+// The tangent that takes the prior to the pose, to first order: rotation, direction of translation along the rows of
+// the prior's TangentBasis, which its covariance is of. `by_pose`: its derivative by the tangent of Moved. The pose's
+// basis is another one, even near the prior, where the smallest component changes; directions are carried over along
+// the arc between the two, so that a prior has the same weight at any distance.
+Vector5d FromPrior(const Rigid3d& pose, const Rigid3d& prior, Matrix5d* by_pose = nullptr) {
   Vector5d d = Vector5d::Zero();
   d.head<3>() = LogSO3(pose.rotation * prior.rotation.conjugate());
+  if (by_pose != nullptr) by_pose->setIdentity();
   if (prior.translation.norm() > 1e-6) {
-    d.tail<2>() = -TangentBasis(pose.translation.normalized()) * prior.translation.normalized();
+    const Eigen::Vector3d to = pose.translation.normalized(), from = prior.translation.normalized();
+    const Eigen::Matrix<double, 2, 3> basis = TangentBasis(from);
+    d.tail<2>() = basis * to;
+    if (by_pose != nullptr) {
+      by_pose->bottomRightCorner<2, 2>() =
+          basis * Eigen::Quaterniond::FromTwoVectors(to, from).toRotationMatrix() * TangentBasis(to).transpose();
+    }
   }
   return d;
 }
@@ -68,8 +78,10 @@ Rigid3d Refine(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::V
       h.noalias() += weight * j * j.transpose();
       g += weight * e * j;
     }
-    h += prior_information;
-    g += prior_information * FromPrior(pose, prior);
+    Matrix5d by_pose;
+    const Vector5d from_prior = FromPrior(pose, prior, &by_pose);
+    h += by_pose.transpose() * prior_information * by_pose;
+    g += by_pose.transpose() * prior_information * from_prior;
     const Eigen::Matrix<double, 5, 1> step = -h.ldlt().solve(g);
     if (!step.allFinite()) break;
     pose = Moved(pose, step);

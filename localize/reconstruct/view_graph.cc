@@ -15,6 +15,7 @@
 #include "calib/estimation/loss.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
+#include "calib/geometry/path.h"
 #include "localize/reconstruct/prepared_image.h"
 #include "localize/reconstruct/track_table.h"
 
@@ -34,12 +35,14 @@ struct Viewpoint {
 
 std::vector<Viewpoint> MakeViewpoints(const LocalizeInput& input) {
   constexpr int kColumns = 6, kRows = 4;
+  const std::vector<double> travelled = PathLengths(input.odom_from_body);  // of the body: its cameras stand apart
   std::vector<Viewpoint> viewpoints;
   for (const FrameImage& image : input.images) {
     const BodyCamera& body_camera = input.cameras[static_cast<size_t>(image.camera)];
     Viewpoint s;
     s.cam_from_odom = body_camera.cam_from_body * input.odom_from_body[static_cast<size_t>(image.pose)].Inverse();
     s.centre = s.cam_from_odom.TargetOriginInSource();
+    s.travelled = travelled[static_cast<size_t>(image.pose)];
     for (int r = 0; r < kRows; ++r) {
       for (int c = 0; c < kColumns; ++c) {
         const Eigen::Vector2d pixel((c + 0.5) / kColumns * body_camera.camera.width(),
@@ -50,12 +53,6 @@ std::vector<Viewpoint> MakeViewpoints(const LocalizeInput& input) {
       }
     }
     viewpoints.push_back(std::move(s));
-  }
-  for (size_t i = 1; i < viewpoints.size(); ++i) {
-    // Of the body: cameras of one moment stand apart.
-    const Rigid3d &from = input.odom_from_body[static_cast<size_t>(input.images[i - 1].pose)],
-                  &to = input.odom_from_body[static_cast<size_t>(input.images[i].pose)];
-    viewpoints[i].travelled = viewpoints[i - 1].travelled + (to.translation - from.translation).norm();
   }
   return viewpoints;
 }
@@ -178,9 +175,11 @@ class Prediction {
  public:
   Prediction(const LocalizeInput& input, const std::vector<PoseFactor>& odometry, const OdometryNoise& noise,
              const ViewGraphOptions& options, int threads, const CancelToken& cancel)
-      : input_(input), options_(options), chain_(Chain(input, odometry, noise)), covariance_(chain_, threads, cancel) {
-    for (const PoseFactor& f : odometry) travelled_.push_back(travelled_.back() + f.measured.translation.norm());
-  }
+      : input_(input),
+        options_(options),
+        chain_(Chain(input, odometry, noise)),
+        covariance_(chain_, threads, cancel),
+        travelled_(PathLengths(input.odom_from_body)) {}
 
   // Covariance of [rotation (rad, left), direction of translation (unit vector)] of b from a.
   Matrix6d Covariance(const ImagePair& pair) const {
@@ -244,7 +243,7 @@ class Prediction {
   const ViewGraphOptions& options_;
   BundleProblem chain_;
   BundleCovariance covariance_;
-  std::vector<double> travelled_ = {0};  // path up to each body pose, m
+  std::vector<double> travelled_;  // path up to each body pose, m
 };
 
 // The covariance with two components of direction, along the rows of TangentBasis.
@@ -416,10 +415,19 @@ void RejectContradictions(const LocalizeInput& input, const std::vector<PoseFact
   for (const Rigid3d& pose : p.poses) graph->odom_from_body.push_back(pose.Inverse());
 }
 
-bool AreNeighbours(const LocalizeInput& input, const ImagePair& pair) {
-  const int apart = input.images[static_cast<size_t>(pair.b)].pose - input.images[static_cast<size_t>(pair.a)].pose;
-  return std::abs(apart) == 1;
-}
+// How many moments of the run lie between two images.
+class MomentsBetween {
+ public:
+  explicit MomentsBetween(const LocalizeInput& input) : input_(input), moments_(MomentsOfPoses(input)) {}
+  int operator()(const ImagePair& pair) const { return std::abs(MomentOf(pair.b) - MomentOf(pair.a)); }
+
+ private:
+  int MomentOf(int image) const {
+    return moments_[static_cast<size_t>(input_.images[static_cast<size_t>(image)].pose)];
+  }
+  const LocalizeInput& input_;
+  std::vector<int> moments_;
+};
 
 // The noise of odometry with which its errors against edges are as large as expected, in the median: one factor for
 // both parts, or one for each.
@@ -452,7 +460,8 @@ OdometryNoise MatchingNoise(const LocalizeInput& input, const std::vector<PoseFa
 std::optional<OdometryNoise> NoiseByImages(const LocalizeInput& input, const std::vector<ImagePair>& pairs,
                                            const std::vector<PoseFactor>& odometry, const ViewGraphOptions& options,
                                            int threads, uint64_t seed, const CancelToken& cancel) {
-  const auto is_neighbour = [&](const ImagePair& pair) { return AreNeighbours(input, pair); };
+  const MomentsBetween apart(input);
+  const auto is_neighbour = [&](const ImagePair& pair) { return apart(pair) == 1; };
   // Video has few pairs of neighbours left, since tracks connect them: its other pairs are not verified for this.
   const auto neighbours = static_cast<size_t>(std::count_if(pairs.begin(), pairs.end(), is_neighbour));
   if (neighbours < std::min(kLeastErrors, odometry.size())) return std::nullopt;
@@ -498,18 +507,30 @@ void ForEachPair(const LocalizeInput& input, const std::vector<ImagePair>& pairs
   }
 }
 
+// Of images of different moments.
+std::vector<ImagePair> AllPairs(int images, const MomentsBetween& apart) {
+  std::vector<ImagePair> pairs;
+  for (int a = 0; a < images; ++a) {
+    for (int b = a + 1; b < images; ++b) {
+      if (apart({a, b}) > 0) pairs.push_back({a, b});
+    }
+  }
+  return pairs;
+}
+
 }  // namespace
 
 std::vector<ImagePair> CandidatePairs(const LocalizeInput& input, const TrackSet& tracks,
                                       const ViewGraphOptions& options) {
+  constexpr double kLeastOverlap = 0.1;
+  const int n = static_cast<int>(input.images.size());
+  const MomentsBetween apart(input);
+  if (n <= options.exhaustive) return AllPairs(n, apart);
   const std::vector<Viewpoint> viewpoints = MakeViewpoints(input);
   const std::map<std::pair<int, int>, int> shared = SharedTracks(tracks);
   const double viewpoint = options.viewpoint_deg * kDegToRad;
-  // Few images are all compared with each other.
-  const double least = static_cast<int>(viewpoints.size()) <= options.exhaustive ? -1 : 0.1;
   std::set<std::pair<int, int>> chosen;
   std::map<int, double> last_asked;  // of each camera
-  const int n = static_cast<int>(viewpoints.size());
   for (int i = 0; i < n; ++i) {
     const Viewpoint& own = viewpoints[static_cast<size_t>(i)];
     const int camera = input.images[static_cast<size_t>(i)].camera;
@@ -518,7 +539,7 @@ std::vector<ImagePair> CandidatePairs(const LocalizeInput& input, const TrackSet
     last->second = own.travelled;
     std::vector<std::pair<double, int>> near;
     for (int j = 0; j < n; ++j) {
-      if (input.images[static_cast<size_t>(j)].pose == input.images[static_cast<size_t>(i)].pose) continue;
+      if (apart({i, j}) == 0) continue;
       near.emplace_back((viewpoints[static_cast<size_t>(j)].centre - own.centre).norm(), j);
     }
     if (near.size() > kConsidered) {
@@ -530,12 +551,12 @@ std::vector<ImagePair> CandidatePairs(const LocalizeInput& input, const TrackSet
       const Viewpoint& other = viewpoints[static_cast<size_t>(j)];
       const double overlap = std::min(Overlap(own, other, CameraOf(input, j), viewpoint),
                                       Overlap(other, own, CameraOf(input, i), viewpoint));
-      if (overlap > least) scored.emplace_back(-overlap, j);
+      if (overlap > kLeastOverlap) scored.emplace_back(-overlap, j);
     }
     std::sort(scored.begin(), scored.end());
     std::vector<int> partners;
     for (const auto& [score, j] : scored) {
-      if (least > 0 && static_cast<int>(partners.size()) >= options.neighbours) break;
+      if (static_cast<int>(partners.size()) >= options.neighbours) break;
       const auto close = [&, j = j](int k) {
         const Viewpoint &of_j = viewpoints[static_cast<size_t>(j)], &of_k = viewpoints[static_cast<size_t>(k)];
         return input.images[static_cast<size_t>(j)].camera == input.images[static_cast<size_t>(k)].camera &&
@@ -547,7 +568,7 @@ std::vector<ImagePair> CandidatePairs(const LocalizeInput& input, const TrackSet
     for (int j : partners) {
       const std::pair<int, int> pair = std::minmax(i, j);
       const auto common = shared.find(pair);
-      if (least < 0 || common == shared.end() || common->second < options.connected) chosen.insert(pair);
+      if (common == shared.end() || common->second < options.connected) chosen.insert(pair);
     }
   }
   std::vector<ImagePair> pairs;
@@ -563,10 +584,8 @@ ViewGraph BuildViewGraph(const LocalizeInput& input, const std::vector<ImagePair
   graph.odom_from_body = input.odom_from_body;
   progress.Begin("pairs of images", graph.tried);
   // Neighbours first: they show the noise of odometry, from which the other pairs are predicted.
-  std::vector<ImagePair> neighbours;
-  for (const ImagePair& pair : pairs) {
-    if (AreNeighbours(input, pair)) neighbours.push_back(pair);
-  }
+  std::vector<ImagePair> neighbours = pairs;
+  std::erase_if(neighbours, [apart = MomentsBetween(input)](const ImagePair& pair) { return apart(pair) != 1; });
   const auto verify = [&](const std::vector<ImagePair>& some, const Prediction& prediction) {
     std::vector<ViewEdge> tried(some.size());
     ForEachPair(input, some, threads, cancel, [&](size_t i, const PreparedImage& a, const PreparedImage& b) {

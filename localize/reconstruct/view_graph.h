@@ -16,7 +16,7 @@ struct ViewGraphOptions {
   double video_step_m = 2.5;   // median distance of consecutive images: beyond it, a run's images are photos, not video
   int neighbours = 10;         // pairs an image is the first to ask for, at most
   int exhaustive = 40;         // runs of so many images and fewer: every image asks for every other
-  double spacing_m = 1.5;      // path between two images that ask for pairs; between the partners of one, half of it
+  double spacing_m = 1.5;      // longer runs: path between two images that ask; between the partners of one, half of it
   double viewpoint_deg = 40;   // largest change of viewpoint between two images of a pair
   int connected = 80;          // tracks that two images share already: such a pair needs no more
   double ratio = 0.7;          // ratio test: best / second-best distance
@@ -56,6 +56,7 @@ struct ImagePair {
 };
 
 // Pairs that odometry predicts to see the same space and that `tracks` do not connect yet; a bounded number an image.
+// Of few images all pairs. Images of one moment are no pair: how a rig's cameras stand to each other is calibrated.
 std::vector<ImagePair> CandidatePairs(const LocalizeInput& input, const TrackSet& tracks,
                                       const ViewGraphOptions& options);
 

@@ -155,9 +155,8 @@ class Registrar {
                                     r_.problem.poses[static_cast<size_t>(image.pose)];
       cam_from_odom_.push_back(cam_from_odom);
       centres_.push_back(cam_from_odom.TargetOriginInSource());
-      const size_t n = centres_.size();
-      travelled_.push_back(n < 2 ? 0 : travelled_.back() + (centres_[n - 1] - centres_[n - 2]).norm());
     }
+    travelled_ = PathToImages(input, r_.problem.poses);
     std::array<std::vector<double>, 2> scores;
     for (const auto& hits : retrieval.of_image) {
       for (const Retrieval::Hit& h : hits) {

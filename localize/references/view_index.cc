@@ -14,14 +14,6 @@ namespace {
 constexpr size_t kSampled = 32;  // pictures that the codebook of several parts rests on
 constexpr int kAhead = 64;       // views whose words are held at a time
 
-// The names of a database's views, in its order.
-std::vector<std::string> ViewNames(const std::filesystem::path& dir) {
-  const ColmapDatabase database = ColmapDatabase::OpenRead(dir / kFeaturesFile);
-  std::vector<std::string> names;
-  for (const DatabaseImage& image : database.Images()) names.push_back(image.name);
-  return names;
-}
-
 std::string PictureOfView(const std::string& view) { return view.substr(0, view.rfind('#')); }
 
 // The views of the pictures whose names have the lowest digests.
@@ -45,8 +37,7 @@ std::vector<std::string> Sampled(const std::vector<std::string>& views) {
 void WriteCodebook(const std::filesystem::path& dir, const CodebookOptions& options, bool sample, uint64_t seed,
                    int threads, const CancelToken& cancel) {
   const FeatureStore store(dir / kFeaturesFile);
-  std::vector<std::string> views = ViewNames(dir);
-  if (sample) views = Sampled(views);
+  const std::vector<std::string> views = sample ? Sampled(store.names()) : store.names();
   const auto descriptors = [&](int document) {
     return DescriptorBlock(store.Read(views[static_cast<size_t>(document)]).descriptors);
   };
@@ -58,7 +49,7 @@ void WriteWords(const std::filesystem::path& dir, const std::filesystem::path& f
                 const CancelToken& cancel) {
   const Vocabulary vocabulary = Vocabulary::Read(first / kCodebookFile);
   const FeatureStore store(dir / kFeaturesFile);
-  const std::vector<std::string> views = ViewNames(dir);
+  const std::vector<std::string>& views = store.names();
   std::vector<WordCounts> words(views.size());
   WordListBuilder builder(vocabulary.size());
   ParallelInOrder(

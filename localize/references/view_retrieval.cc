@@ -10,6 +10,7 @@
 
 #include "calib/base/median.h"
 #include "calib/base/parallel.h"
+#include "calib/geometry/path.h"
 
 namespace trigpoint {
 namespace {
@@ -94,11 +95,7 @@ constexpr double kUnknownLength_m = 100;  // of a run, or what is left of it, th
 
 // How far from each fix the run can have been: half the way to the next one, all of it to the run's ends.
 std::vector<double> Unfixed(const LocalizeInput& input, const std::vector<GpsPlace>& gps) {
-  std::vector<double> path{0};
-  for (size_t k = 1; k < input.odom_from_body.size(); ++k) {
-    path.push_back(path.back() +
-                   (input.odom_from_body[k].translation - input.odom_from_body[k - 1].translation).norm());
-  }
+  const std::vector<double> path = PathLengths(input.odom_from_body);
   const auto between = [&](int a, int b) {
     return std::abs(path[static_cast<size_t>(b)] - path[static_cast<size_t>(a)]);
   };
@@ -116,17 +113,28 @@ std::vector<double> Unfixed(const LocalizeInput& input, const std::vector<GpsPla
   return unfixed;
 }
 
-// References that the run can have been near by GPS; those without a place are, too.
+// References that the run can have been near by GPS; those without a place are, too. They are in the order of x, and
+// each fix looks at those in its reach.
 std::vector<char> NearGps(const LocalizeInput& input, const std::vector<GpsPlace>& gps, double reach_m) {
   const std::vector<double> unfixed = Unfixed(input, gps);
   std::vector<char> near(input.references.size(), 1);
+  std::multimap<double, std::pair<double, size_t>> by_x;  // x -> y, reference
+  double widest_m = 0;
   for (size_t r = 0; r < near.size(); ++r) {
     const std::optional<Eigen::Vector2d> place = PlaceOf(input, input.references[r]);
     if (!place) continue;
     near[r] = 0;
-    for (size_t i = 0; i < gps.size() && near[r] == 0; ++i) {
+    by_x.insert({place->x(), {place->y(), r}});
+    widest_m = std::max(widest_m, input.references[r].geotag.sigma_h_m);
+  }
+  for (size_t i = 0; i < gps.size(); ++i) {
+    const double reach = reach_m + unfixed[i], x = gps[i].position.x();
+    const double most = reach + 3 * std::hypot(gps[i].sigma_h_m, widest_m);
+    const auto end = by_x.upper_bound(x + most);
+    for (auto it = by_x.lower_bound(x - most); it != end; ++it) {
+      const auto [y, r] = it->second;
       const double sigma = std::hypot(gps[i].sigma_h_m, input.references[r].geotag.sigma_h_m);
-      near[r] = (gps[i].position.head<2>() - *place).norm() < reach_m + unfixed[i] + 3 * sigma;
+      if (std::hypot(it->first - x, y - gps[i].position.y()) < reach + 3 * sigma) near[r] = 1;
     }
   }
   return near;

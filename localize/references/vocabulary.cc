@@ -128,6 +128,7 @@ Vocabulary::Vocabulary(const DescriptorBlock& training, const CodebookOptions& o
   for (Node& node : nodes_) {
     if (node.children == 0) node.word = words_++;
   }
+  SetFingerprint();
 }
 
 int Vocabulary::Word(const int16_t* descriptor) const {
@@ -141,9 +142,9 @@ int Vocabulary::Word(const int16_t* descriptor) const {
   return node->word;
 }
 
-uint64_t Vocabulary::Fingerprint() const {
+void Vocabulary::SetFingerprint() {
   const uint64_t of_nodes = Fnv1a(nodes_.data(), nodes_.size() * sizeof(Node));
-  return Fnv1a(centres_.data(), centres_.size() * sizeof(int16_t), of_nodes);
+  fingerprint_ = Fnv1a(centres_.data(), centres_.size() * sizeof(int16_t), of_nodes);
 }
 
 void Vocabulary::Write(const std::filesystem::path& file) const {
@@ -180,6 +181,7 @@ Vocabulary Vocabulary::Read(const std::filesystem::path& file) {
   if (!in) refuse("cannot be read");
   for (const Node& node : v.nodes_) v.words_ += node.children == 0 ? 1 : 0;
   if (!v.IsTree()) refuse("is damaged");
+  v.SetFingerprint();
   return v;
 }
 

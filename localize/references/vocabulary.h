@@ -36,7 +36,7 @@ class Vocabulary {
   int size() const { return words_; }
   int Word(const int16_t* descriptor) const;
   // Tells codebooks apart: lists of words are of use with their own only.
-  uint64_t Fingerprint() const;
+  uint64_t fingerprint() const { return fingerprint_; }
 
   void Write(const std::filesystem::path& file) const;
   // Throws InputError for a file that Write has not written.
@@ -50,10 +50,12 @@ class Vocabulary {
   };
   Vocabulary() = default;
   bool IsTree() const;
+  void SetFingerprint();
 
   std::vector<Node> nodes_;
   std::vector<int16_t> centres_;  // nodes x 128
   int words_ = 0;
+  uint64_t fingerprint_ = 0;  // of nodes and centres
 };
 
 // Descriptors of a document (an image, a view of a reference).

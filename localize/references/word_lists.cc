@@ -76,7 +76,7 @@ void WriteWordLists(const WordLists& lists, const Vocabulary& vocabulary, const 
   header.words = static_cast<uint32_t>(lists.words());
   header.documents = static_cast<uint32_t>(lists.documents);
   header.postings = lists.postings.size();
-  header.codebook = vocabulary.Fingerprint();
+  header.codebook = vocabulary.fingerprint();
   for (const std::string& name : lists.names) header.names_bytes += name.size() + 1;
   std::ofstream out(file, std::ios::binary);
   WriteAll(std::span<const Header>(&header, 1), &out);
@@ -102,7 +102,7 @@ WordLists MapWordLists(const std::filesystem::path& file, const Vocabulary& voca
   std::memcpy(&header, bytes, sizeof header);
   if (std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0 || header.version != expected.version)
     refuse("has another format");
-  if (header.words != static_cast<uint32_t>(vocabulary.size()) || header.codebook != vocabulary.Fingerprint())
+  if (header.words != static_cast<uint32_t>(vocabulary.size()) || header.codebook != vocabulary.fingerprint())
     refuse("belongs to another codebook");
   const uint64_t offsets = 8 * (uint64_t{header.words} + 1);
   const uint64_t rest = region->get_size() - sizeof header;

@@ -19,13 +19,13 @@ struct Link {
 
 class Linker {
  public:
-  Linker(const JoinedRuns& joined, const LinkOptions& options) : j_(joined), o_(options) {
+  Linker(const JoinedRuns& joined, const LinkOptions& options)
+      : j_(joined), o_(options), travelled_(PathToImages(joined.input, joined.reconstruction.problem.poses)) {
     const std::vector<FrameImage>& images = joined.input.images;
     for (size_t i = 0; i < images.size(); ++i) {
       const Rigid3d cam_from_world = CamFromBody(images[i]) * BodyFromWorld(images[i]);
       centres_.push_back(cam_from_world.TargetOriginInSource());
       axes_.push_back(cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitZ());
-      travelled_.push_back(i == 0 ? 0 : travelled_.back() + (centres_[i] - centres_[i - 1]).norm());
     }
   }
 

@@ -108,6 +108,21 @@ TEST(FeaturesBefore, AreKeptForPicturesThatAreAsTheyWere) {
   EXPECT_EQ(site.Database("c"), site.Database("d")) << "as if there had been nothing before";
 }
 
+TEST(FeatureStore, ListsTheNamesOfEachDatabaseInItsOrder) {
+  FourPictures site;
+  std::swap(site.run.images[0], site.run.images[3]);
+  site.Extract("a", "");
+  site.run.images.resize(2);
+  std::swap(site.run.images[0], site.run.images[1]);
+  site.Extract("b", "");
+  const std::vector<std::string> a = {"3.png", "1.png", "2.png", "0.png"}, b = {"1.png", "3.png"};
+  EXPECT_EQ(FeatureStore(site.dir.path() / "a" / kFeaturesFile).names(), a);
+  EXPECT_EQ(FeatureStore(site.dir.path() / "b" / kFeaturesFile).names(), b);
+  const std::vector<std::filesystem::path> both = {site.dir.path() / "b" / kFeaturesFile,
+                                                   site.dir.path() / "a" / kFeaturesFile};
+  EXPECT_EQ(FeatureStore(both).names(), (std::vector<std::string>{"1.png", "3.png", "2.png", "0.png"}));
+}
+
 TEST(FeaturesBefore, AreNotKeptUnderOtherConditions) {
   FourPictures site;
   site.Extract("a", "");

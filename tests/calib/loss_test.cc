@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "calib/base/error.h"
+#include "calib/estimation/huber_by_median.h"
+#include "calib/estimation/random.h"
 
 namespace trigpoint {
 namespace {
@@ -75,6 +77,22 @@ TEST(TukeyLoss, IsConstantBeyondTheCutOff) {
   loss.Evaluate(50, rho);
   EXPECT_EQ(rho[0], 1);
   EXPECT_EQ(rho[1], 0);
+}
+
+TEST(HuberByMedian, FindsTheNoiseOfComponentsWhateverTheirNumber) {
+  constexpr double kNoise = 2;  // in stated sigmas
+  constexpr int kResiduals = 10000;
+  Random random(1);
+  for (const size_t components : {1U, 2U, 3U}) {
+    HuberByMedian huber;
+    for (int i = 0; i < kResiduals; ++i) {
+      double squares = 0;
+      for (size_t k = 0; k < components; ++k) squares += std::pow(kNoise * random.Normal(), 2);
+      huber.Weight(std::sqrt(squares), components);
+    }
+    huber.EndRound();
+    EXPECT_NEAR(huber.noise(), kNoise, 0.05 * kNoise) << components;  // four sigmas of a median
+  }
 }
 
 TEST(MakeLoss, KnowsNoneAndRefusesWhatItDoesNotKnow) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "calib/geometry/path.h"
 #include "tests/support/numeric.h"
 
 namespace trigpoint {
@@ -73,6 +74,21 @@ TEST(Sim3, ComposesInvertsAndCarriesPoses) {
   const Rigid3d b_from_x = s.TransformPose(a_from_x);
   EXPECT_LT((b_from_x.translation - s * a_from_x.translation).norm(), 1e-13);  // the body's origin
   EXPECT_LT(AngleBetween(b_from_x.rotation, s.rotation * a_from_x.rotation), 1e-14);
+}
+
+TEST(PathLengths, AddUpAndDoNotDependOnTheFrame) {
+  Random random(5);
+  EXPECT_TRUE(PathLengths({}).empty());
+  const Rigid3d world_from_odom = RandomPose(random, 10);
+  std::vector<Rigid3d> poses, moved;
+  double length = 0;
+  for (int k = 0; k < 10; ++k) {
+    poses.push_back(RandomPose(random, 3));
+    moved.push_back(world_from_odom * poses.back());
+    if (k > 0) length += (poses[static_cast<size_t>(k) - 1].Inverse() * poses.back()).translation.norm();
+    EXPECT_NEAR(PathLengths(poses).back(), length, 1e-12);
+    EXPECT_NEAR(PathLengths(moved).back(), length, 1e-12);
+  }
 }
 
 }  // namespace

@@ -46,7 +46,7 @@ void ReadWords(const std::filesystem::path& file) {
   static const auto kCodebook = std::make_shared<const Vocabulary>(TrainVocabulary(0, {}, {}, 1, 1, {}));
   constexpr std::streamoff kFingerprintAt = 40;
   if (std::filesystem::file_size(file) >= kFingerprintAt + sizeof(uint64_t)) {
-    const uint64_t fingerprint = kCodebook->Fingerprint();
+    const uint64_t fingerprint = kCodebook->fingerprint();
     std::fstream stream(file, std::ios::binary | std::ios::in | std::ios::out);
     stream.seekp(kFingerprintAt);
     stream.write(reinterpret_cast<const char*>(&fingerprint), sizeof fingerprint);

@@ -159,15 +159,31 @@ TEST(GpsPlace, ADistantRunHasTheDistanceInItsSigmas) {
 }
 
 // Over a few metres the errors of GPS turn the run by any angle: that is no contradiction.
-TEST(GpsPlace, AShortRunBelowGpsIsNotTurned) {
+TEST(GpsPlace, AShortRunFarFromGpsIsNotTurned) {
   const auto nearly_still = [](double second) { return Eigen::Vector3d(0.05 * second, 0, 0); };
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     GpsRun run = MakeRun(seed, 0, false, nearly_still);
+    for (GpsPlace& fix : run.gps) fix.position += Eigen::Vector3d(300, 400, 0);
+    HeedGps(run.problem, run.gps, &run.geo);
+    EXPECT_TRUE(run.geo.solved);
+    EXPECT_THAT(run.geo.reason, HasSubstr("m from the run"));
+    EXPECT_EQ(run.geo.covariance(2, 2), 1);
+    EXPECT_GT(run.geo.covariance(3, 3), 280 * 280);
+  }
+}
+
+// Where only heights differ, the plan is as well known as before: what GPS errs by there is no contradiction.
+TEST(GpsPlace, ARunBelowGpsIsUncertainInHeightOnly) {
+  for (uint64_t seed = 1; seed <= 20; ++seed) {
+    GpsRun run = MakeRun(seed);
+    const Eigen::Matrix<double, 7, 7> before = run.geo.covariance;
     for (GpsPlace& fix : run.gps) fix.position.z() += 47;
     HeedGps(run.problem, run.gps, &run.geo);
     EXPECT_TRUE(run.geo.solved);
     EXPECT_THAT(run.geo.reason, HasSubstr("GPS lies 47 m above the run"));
-    EXPECT_EQ(run.geo.covariance(2, 2), 1);
+    Eigen::Matrix<double, 7, 7> expected = before;
+    expected(5, 5) += 47 * 47;
+    EXPECT_TRUE(run.geo.covariance.isApprox(expected, 1e-12));
   }
 }
 

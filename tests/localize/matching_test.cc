@@ -206,6 +206,45 @@ TEST(WideBaseline, FindsThePoseWithoutAPriorAndStatesItsInformation) {
   EXPECT_GT(result.information.diagonal().minCoeff(), 0);
 }
 
+// A prior that is known well along one axis of its tangent plane and hardly along the other; the truth lies along the
+// latter. Between the two directions the smallest component changes, and with it the axes of TangentBasis.
+TEST(WideBaseline, ItsPriorHasTheAxesOfItsOwnDirection) {
+  constexpr double kOff_rad = 8 * kDegToRad, kKnown_rad = 0.1 * kDegToRad, kUnknown_rad = 10 * kDegToRad;
+  constexpr int kPoints = 400;
+  const Eigen::Vector3d from = Eigen::Vector3d(0.52, 0.48, -0.7).normalized();
+  const Eigen::Quaterniond rotation = ExpSO3({0.01, 0.07, -0.02});
+  const auto smallest = [](const Eigen::Vector3d& v) {
+    Eigen::Index axis = 0;
+    v.cwiseAbs().minCoeff(&axis);
+    return axis;
+  };
+  int changed = 0;
+  for (const Eigen::Index loose : {0, 1}) {
+    for (const double off : {-kOff_rad, kOff_rad}) {
+      const Eigen::Vector3d along = TangentBasis(from).row(loose).transpose();
+      const Eigen::Vector3d to = std::cos(off) * from + std::sin(off) * along;
+      changed += smallest(to) != smallest(from) ? 1 : 0;
+      const Rigid3d b_from_a(rotation, 0.6 * to);
+      Random random(4);
+      std::vector<Eigen::Vector3d> a, b;
+      for (int j = 0; j < kPoints; ++j) {
+        const Eigen::Vector3d point(random.Uniform(-8, 8), random.Uniform(-4, 4), random.Uniform(5, 20));
+        a.push_back(point.normalized());
+        b.push_back((b_from_a * point).normalized());
+      }
+      WideBaselineOptions options;
+      Eigen::Matrix<double, 5, 1> sigma;
+      sigma << Eigen::Vector3d::Constant(kDegToRad), Eigen::Vector2d::Constant(kKnown_rad);
+      sigma(3 + loose) = kUnknown_rad;
+      options.prior_covariance = sigma.cwiseAbs2().asDiagonal();
+      const WideBaselineResult found = VerifyWideBaseline(a, b, Rigid3d(rotation, 0.6 * from), options);
+      ASSERT_TRUE(found.verified);
+      EXPECT_LT(AngleBetween(found.b_from_a.translation, to), 0.1 * kDegToRad) << loose << " " << off;
+    }
+  }
+  EXPECT_GT(changed, 0);
+}
+
 // Pictures of a camera that stands still have no parallax, and share what they see nevertheless.
 TEST(SharedFeatures, AreThoseOfACameraThatStandsStill) {
   QuickFeatures a, b;

@@ -14,13 +14,15 @@ namespace {
 
 using test::Drive;
 using test::MakeDrive;
+using test::WithLateCamera;
 
 std::string ContradictionOf(Drive& drive) {
   drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
   ProgressSink progress;
   Trajectory whole;
-  for (size_t k = 0; k < drive.input.odom_from_body.size(); ++k) {
-    whole.poses.push_back({drive.input.pose_stamps[k], drive.input.odom_from_body[k]});
+  for (const FrameImage& image : drive.input.images) {
+    const auto k = static_cast<size_t>(image.pose);
+    if (image.camera == 0) whole.poses.push_back({drive.input.pose_stamps[k], drive.input.odom_from_body[k]});
   }
   return CheckOdometry(drive.input, whole, "odometry.tum", {}, 2, 1, progress, {}).contradiction.value_or("");
 }
@@ -97,6 +99,21 @@ TEST(OdometryCheck, NamesTheJumpOfAShortRun) {
     poses = good;
     const Rigid3d turned = good[middle] * Rigid3d(ExpSO3({0, 0, 1}), Eigen::Vector3d::Zero()) * good[middle].Inverse();
     for (size_t k = middle; k < poses.size(); ++k) poses[k] = turned * poses[k];
+    EXPECT_NE(ContradictionOf(drive).find("jumps between"), std::string::npos) << seed << ContradictionOf(drive);
+  }
+}
+
+// Two cameras whose clocks are 5 ms apart have a body pose each: consecutive poses show no step, and the moment that is
+// wrong has two of them.
+TEST(OdometryCheck, NamesTheJumpOfCamerasWithClocksOfTheirOwn) {
+  for (uint64_t seed = 1; seed <= 3; ++seed) {
+    Drive drive = WithLateCamera(MakeDrive(0.25, seed, 1.0), 5'000'000);
+    EXPECT_EQ(ContradictionOf(drive), "") << seed;
+    std::vector<Rigid3d>& poses = drive.input.odom_from_body;
+    const size_t middle = poses.size() / 4 * 2;  // of the first camera
+    const Eigen::Vector3d aside = poses[middle].rotation * Eigen::Vector3d(0, 2, 0);
+    poses[middle].translation += aside;
+    poses[middle + 1].translation += aside;
     EXPECT_NE(ContradictionOf(drive).find("jumps between"), std::string::npos) << seed << ContradictionOf(drive);
   }
 }
@@ -252,6 +269,40 @@ TEST(OdometryMount, PositionsTurnedAgainstRotationsShowInFewMotions) {
   }
 }
 
+// Twice as noisy as stated: the mean square of the error, in its sigmas, is 1 where the noise is found. The residuals
+// are vectors of three components (rotations) and of two (directions).
+TEST(OdometryMount, ItsSigmaFollowsTheNoise) {
+  constexpr int kDraws = 200;
+  constexpr double kStated_rad = 2 * kDegToRad, kNoise_rad = 2 * kStated_rad;
+  double squares = 0;
+  for (uint64_t seed = 1; seed <= kDraws; ++seed) {
+    auto [path, motions] = Directions(3, 1, 0, seed);
+    Random random(1000 + seed);
+    const auto noise = [&] {
+      return ExpSO3(kNoise_rad * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()));
+    };
+    for (MeasuredMotion& m : motions) {
+      const Rigid3d& mounted = m.sensor_from_body;
+      m.b_from_a =
+          mounted * path[static_cast<size_t>(m.b)].Inverse() * path[static_cast<size_t>(m.a)] * mounted.Inverse();
+      m.b_from_a.rotation = noise() * m.b_from_a.rotation;
+      m.b_from_a.translation = noise() * m.b_from_a.translation;
+      m.sigma_rotation_rad = m.sigma_direction_rad = kStated_rad;
+    }
+    const auto error = FindMountError(path, motions);
+    ASSERT_TRUE(error) << seed;
+    squares += std::pow(error->rotation.y() / error->sigma_rad, 2) / kDraws;  // the axis that only directions show
+  }
+  EXPECT_GT(squares, 0.5);
+  EXPECT_LT(squares, 1.5);
+}
+
+std::vector<int64_t> StampsOf(const Trajectory& trajectory) {
+  std::vector<int64_t> stamps;
+  for (const TimedPose& pose : trajectory.poses) stamps.push_back(pose.stamp_ns);
+  return stamps;
+}
+
 // Errors in sigmas of many draws: their mean square is 1 where the sigma is right.
 TEST(OdometryDrift, IsFoundAndTakenOut) {
   const Eigen::Vector3d drift_rad_m(0, 0, 0.3 * kDegToRad);
@@ -271,7 +322,7 @@ TEST(OdometryDrift, IsFoundAndTakenOut) {
     }
     Trajectory right, odometry;
     for (const Rigid3d& pose : path) right.poses.push_back({static_cast<int64_t>(right.poses.size()), pose});
-    odometry = WithoutDrift(right, -drift_rad_m);
+    odometry = WithoutDrift(right, StampsOf(right), path, -drift_rad_m);
     std::vector<Rigid3d> drifting;
     for (const TimedPose& pose : odometry.poses) drifting.push_back(pose.target_from_body);
     const auto none = FindDrift(path, motions, 0.01);
@@ -285,13 +336,37 @@ TEST(OdometryDrift, IsFoundAndTakenOut) {
     EXPECT_EQ(found->significant_rad_m.z(), found->rad_m.z());
     EXPECT_FALSE(FindDrift(drifting, motions, 0.5)->significant);  // noise explains it
     squares += (found->rad_m - drift_rad_m).cwiseQuotient(found->sigma_rad_m).squaredNorm() / (3 * kDraws);
-    const Trajectory mended = WithoutDrift(odometry, drift_rad_m);
+    const Trajectory mended = WithoutDrift(odometry, StampsOf(right), drifting, drift_rad_m);
     for (size_t k = 0; k < path.size(); ++k) {
       EXPECT_LT((mended.poses[k].target_from_body.Inverse() * path[k]).translation.norm(), 1e-9);
     }
   }
   EXPECT_GT(squares, 0.3);
   EXPECT_LT(squares, 1.5);
+}
+
+// Odometry between images has noise: its path is longer than the metres a drift was found over.
+TEST(OdometryDrift, IsTakenOutByTheMetresFromImageToImage) {
+  constexpr int kPerStep = 20;
+  constexpr double kNoise_m = 0.05;  // as long as a step of odometry
+  const Eigen::Vector3d drift_rad_m(0, 0, 0.3 * kDegToRad);
+  const std::vector<Rigid3d> path = Directions(3, 1, 0, 1).first;  // of the images, a metre apart
+  Random random(1);
+  Trajectory odometry;
+  std::vector<int64_t> stamps;
+  for (size_t i = 0; i <= kPerStep * (path.size() - 1); ++i) {
+    const size_t k = i / kPerStep, j = i % kPerStep;
+    const double share = static_cast<double>(j) / kPerStep;
+    Rigid3d pose = j == 0 ? path[k] : Interpolate(path[k], path[k + 1], share);
+    if (j == 0) stamps.push_back(static_cast<int64_t>(i));
+    if (j > 0) pose.translation += kNoise_m * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal());
+    pose.rotation = pose.rotation * ExpSO3((static_cast<double>(k) + share) * drift_rad_m);
+    odometry.poses.push_back({static_cast<int64_t>(i), pose});
+  }
+  const Trajectory mended = WithoutDrift(odometry, stamps, path, drift_rad_m);
+  for (size_t k = 0; k < path.size(); ++k) {
+    EXPECT_LT(AngleBetween(mended.poses[kPerStep * k].target_from_body.rotation, path[k].rotation), 1e-9) << k;
+  }
 }
 
 TEST(OdometryStretch, IsFoundFromDirections) {

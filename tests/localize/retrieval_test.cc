@@ -113,7 +113,7 @@ class RetrievalFiles : public testing::Test {
 // Parts that are mapped from files give what one index in memory gives, whatever is in which part.
 TEST_F(RetrievalFiles, PartsOnDiskAnswerAsOneInMemory) {
   auto vocabulary = std::make_shared<const Vocabulary>(Vocabulary::Read(dir_ / "codebook.bin"));
-  EXPECT_EQ(vocabulary->Fingerprint(), vocabulary_.Fingerprint());
+  EXPECT_EQ(vocabulary->fingerprint(), vocabulary_.fingerprint());
   std::vector<WordLists> parts;
   for (int part = 0; part < 3; ++part) parts.push_back(MapWordLists(File(part), *vocabulary));
   const RetrievalIndex mapped(vocabulary, std::move(parts));

@@ -65,6 +65,26 @@ inline Drive MakeDrive(double laps, uint64_t seed, double step = 0.5) {
   return drive;
 }
 
+// The same drive with a second camera that sees the same and whose clock is `late_ns` late: each of its images has a
+// body pose of its own, up to which nothing has moved.
+inline Drive WithLateCamera(const Drive& drive, int64_t late_ns) {
+  Drive two;
+  two.input.cameras = {drive.input.cameras.front(), drive.input.cameras.front()};
+  two.input.cameras.back().name = "cam1";
+  for (size_t k = 0; k < drive.seen.size(); ++k) {
+    for (const int camera : {0, 1}) {
+      const int64_t stamp = drive.input.pose_stamps[k] + camera * late_ns;
+      two.input.images.push_back(
+          {stamp, std::to_string(k) + "_" + std::to_string(camera), camera, static_cast<int>(two.seen.size())});
+      two.input.pose_stamps.push_back(stamp);
+      two.input.odom_from_body.push_back(drive.input.odom_from_body[k]);
+      two.odom_from_body.push_back(drive.odom_from_body[k]);
+      two.seen.push_back(drive.seen[k]);
+    }
+  }
+  return two;
+}
+
 // RMSE of body positions relative to the first pose, m.
 inline double Error(const Drive& drive, const std::vector<Rigid3d>& body_from_odom) {
   double sum = 0;

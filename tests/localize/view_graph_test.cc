@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "calib/geometry/path.h"
 #include "localize/reconstruct/track_table.h"
 #include "tests/localize/test_drive.h"
 
@@ -13,6 +14,9 @@ namespace {
 
 using test::Drive;
 using test::MakeDrive;
+using test::WithLateCamera;
+
+constexpr int64_t kLate_ns = 5'000'000;  // of a camera's clock against another's
 
 RunReconstruction Solve(Drive& drive, int neighbours) {
   drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
@@ -43,6 +47,56 @@ TEST(ViewGraph, TiesTheEndOfAVideoToItsBeginning) {
   EXPECT_GT(with.pairs_joined, 0);
   EXPECT_LT(test::Error(drive, with.reconstruction.problem.poses),
             0.7 * test::Error(drive, without.reconstruction.problem.poses));
+}
+
+// A camera whose clock is late has body poses of its own, next to those of the others.
+TEST(Frames, StepsAndMomentsAreThoseOfACamera) {
+  const Drive one = MakeDrive(0.5, 3);
+  const auto poses = static_cast<int>(one.seen.size());
+  const LocalizeInput late = WithLateCamera(one, kLate_ns).input;
+  const LocalizeInput halfway = WithLateCamera(one, one.input.pose_stamps[1] / 2).input;
+  EXPECT_GT(MedianStep(one.input), 0.4);
+  EXPECT_EQ(MedianStep(late), MedianStep(one.input));
+  EXPECT_EQ(MedianStep(halfway), MedianStep(one.input));
+  const std::vector<int> of_one = MomentsOfPoses(one.input), of_late = MomentsOfPoses(late),
+                         of_halfway = MomentsOfPoses(halfway);
+  ASSERT_EQ(of_late.size(), 2U * of_one.size());
+  for (int k = 0; k < 2 * poses; ++k) {
+    if (k < poses) {
+      EXPECT_EQ(of_one[static_cast<size_t>(k)], k);
+    }
+    EXPECT_EQ(of_late[static_cast<size_t>(k)], k / 2);
+    EXPECT_EQ(of_halfway[static_cast<size_t>(k)], k);
+  }
+}
+
+// The path is the body's, wherever its cameras stand and however their clocks differ.
+TEST(Frames, CamerasThatStandApartAddNoPath) {
+  const Drive one = MakeDrive(0.5, 3);
+  Drive late = WithLateCamera(one, kLate_ns);
+  late.input.cameras.back().cam_from_body.translation += Eigen::Vector3d(0.5, 0, 0);
+  std::vector<Rigid3d> body_from_odom;
+  for (const Rigid3d& pose : late.input.odom_from_body) body_from_odom.push_back(pose.Inverse());
+  const std::vector<double> path = PathToImages(late.input, body_from_odom),
+                            of_one = PathLengths(one.input.odom_from_body);
+  ASSERT_EQ(path.size(), 2 * of_one.size());
+  for (size_t i = 0; i < path.size(); ++i) EXPECT_NEAR(path[i], of_one[i / 2], 1e-9);
+}
+
+// Images of one camera are of different moments, however soon they follow each other.
+TEST(Frames, ABurstOfOneCameraIsNoMoment) {
+  LocalizeInput burst = MakeDrive(0.5, 3).input;
+  burst.pose_stamps[1] = burst.pose_stamps[0] + kLate_ns;
+  EXPECT_EQ(MomentsOfPoses(burst)[1], 1);
+}
+
+// However near each other they are; those of one moment are no pair.
+TEST(ViewGraph, FewImagesAreAllPaired) {
+  const Drive drive = MakeDrive(0.1, 3, 0.25), late = WithLateCamera(drive, kLate_ns);
+  const size_t n = drive.seen.size();
+  ASSERT_LE(static_cast<int>(late.seen.size()), ViewGraphOptions().exhaustive);
+  EXPECT_EQ(CandidatePairs(drive.input, {}, {}).size(), n * (n - 1) / 2);
+  EXPECT_EQ(CandidatePairs(late.input, {}, {}).size(), 2 * n * (2 * n - 1) / 2 - n);
 }
 
 ViewGraph GraphOf(Drive& drive) {
@@ -109,6 +163,16 @@ TEST(ViewGraph, SeesThatOdometryIsNoisierThanStated) {
     EXPECT_LT(factor, 8);
   }
   EXPECT_LT(test::Error(drive, Solve(drive, 10).reconstruction.problem.poses), 0.1 * OdometryError(drive));
+}
+
+// Neighbours are images of consecutive moments: those of one moment say nothing of odometry.
+TEST(ViewGraph, SeesItWithCamerasOfDifferentClocksToo) {
+  Drive drive = MakeDrive(1.6, 3, 3.0);
+  RedrawOdometry(4, 5, &drive);
+  Drive late = WithLateCamera(drive, kLate_ns);
+  const OdometryNoise noise = GraphOf(late).odometry_noise;
+  EXPECT_GT(noise.rotation, 2);
+  EXPECT_LT(noise.rotation, 8);
 }
 
 TEST(ViewGraph, BelievesOdometryThatIsAsStated) {

@@ -98,6 +98,24 @@ TEST_F(Town, GpsTellsTheRegionWhateverTheImagesLookLike) {
   EXPECT_FALSE(found.tested[0]);
 }
 
+// Each fix and each reference has its own reach: half the way to the next fix, and three sigmas of both.
+TEST_F(Town, GpsTestsAllReferencesInReachOfAFix) {
+  std::vector<GpsPlace> gps = Gps({0, 20, 0});
+  for (size_t i = 0; i < gps.size(); ++i) gps[i].sigma_h_m = static_cast<double>(1 + 2 * (i % 4));
+  for (size_t r = 0; r < input_.references.size(); ++r) {
+    input_.references[r].geotag.sigma_h_m = static_cast<double>(1 + r % 5);
+  }
+  const Retrieval found = Retrieve(gps);
+  for (size_t r = 0; r < input_.references.size(); ++r) {
+    const bool reached = std::any_of(gps.begin(), gps.end(), [&](const GpsPlace& fix) {
+      const double sigma = std::hypot(fix.sigma_h_m, input_.references[r].geotag.sigma_h_m);
+      const Eigen::Vector3d off = PlaceOf(static_cast<int>(r)) - fix.position;
+      return off.head<2>().norm() < 30 + 0.5 * kSpacing + 3 * sigma;
+    });
+    EXPECT_EQ(found.tested[r] != 0, reached) << r;
+  }
+}
+
 TEST_F(Town, GpsFarFromAllReferencesIsNoReasonToTestNone) {
   EXPECT_EQ(OfRun(Retrieve(Gps({1e5, 0, 0})).tested), kImages);
 }
