@@ -2,14 +2,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <memory>
 #include <set>
 #include <thread>
+#include <type_traits>
 
 #include "app/cli/batch_list.h"
 #include "app/cli/batch_plan.h"
 #include "app/cli/command.h"
 #include "app/pipeline/command_line.h"
 #include "datasets/io/text.h"
+#include "datasets/project/lock.h"
 #include "datasets/project/task_lock.h"
 #include "eval/report/overview.h"
 
@@ -22,7 +25,7 @@ struct BatchArguments {
   std::vector<std::string> words;  // LIST, or an action and what it is for
   std::string out;
   BatchSettings settings;
-  std::set<std::string> given;  // options that the command line names
+  std::set<std::string> given;  // settings that the command line names
   bool wait = false;            // for Slurm
   bool retry = false;           // of a task
 };
@@ -114,12 +117,14 @@ void WaitForSlurm(const Session& session, const BatchPlan& plan) {
   }
 }
 
-// Runs or submits the tasks of a plan that are not done.
-int Execute(const Session& session, const fs::path& folder, const BatchPlan& plan, bool wait) {
+// Runs or submits the tasks of a plan that are not done. `lock`: of the folder, until they are.
+int Execute(const Session& session, const fs::path& folder, const BatchPlan& plan, bool wait,
+            std::unique_ptr<BatchLock> lock) {
   WriteBatchPlan(plan, folder);
   if (plan.settings.engine == "slurm") {
     const size_t arrays = SubmitToSlurm(folder, plan);
     const BatchPlan submitted = ReadBatchPlan(folder);
+    lock.reset();  // now the jobs in the queue keep others out, and `cancel` can have it
     if (wait) {
       WaitForSlurm(session, submitted);
       return Show(session, folder, submitted, "Batch done in " + session.Taken(), "");
@@ -158,30 +163,23 @@ int Begin(const Session& session, const BatchArguments& arguments) {
   ParseMemory("--task-memory", settings.task_memory);
   settings.container = ImageFrom(settings.container);
   RequireBatchFolder(folder);
+  auto lock = std::make_unique<BatchLock>(folder);
   std::error_code ignored;
   if (fs::exists(folder / "batch.json", ignored)) RequireNothingQueued(ReadBatchPlan(folder), folder);
   const BatchPlan plan = MakeBatchPlan(session, entries, settings);
   fs::remove_all(folder / "tasks", ignored);  // of an earlier list
-  return Execute(session, folder, plan, arguments.wait);
+  return Execute(session, folder, plan, arguments.wait, std::move(lock));
 }
 
 int Resume(const Session& session, const BatchArguments& arguments, const fs::path& folder) {
+  ReadBatchPlan(folder);  // throws where no batch is, before the lock makes a folder
+  auto lock = std::make_unique<BatchLock>(folder);
   BatchPlan plan = ReadBatchPlan(folder);
   RequireNothingQueued(plan, folder);
-  const BatchSettings& now = arguments.settings;
   BatchSettings& then = plan.settings;
-  const auto take = [&](const char* option, auto member) {
-    if (arguments.given.count(option) > 0) then.*member = now.*member;
-  };
-  take("--engine", &BatchSettings::engine);
-  take("--jobs", &BatchSettings::jobs);
-  take("--memory", &BatchSettings::memory);
-  take("--task-memory", &BatchSettings::task_memory);
-  take("--task-minutes", &BatchSettings::task_minutes);
-  take("--partition", &BatchSettings::partition);
-  take("--account", &BatchSettings::account);
-  take("--container", &BatchSettings::container);
-  take("--sbatch", &BatchSettings::sbatch);
+  BatchSettings::VisitMembers([&](const char* name, auto member, const char*) {
+    if (arguments.given.count(name) > 0) then.*member = arguments.settings.*member;
+  });
   then.container = ImageFrom(then.container);
   if (!then.memory.empty()) ParseMemory("--memory", then.memory);
   ParseMemory("--task-memory", then.task_memory);
@@ -189,29 +187,33 @@ int Resume(const Session& session, const BatchArguments& arguments, const fs::pa
   plan.summary_job.clear();
   if (session.options.threads > 0) then.threads = session.options.threads;
   if (then.engine == "slurm") then.threads = std::max(1, then.threads);
-  return Execute(session, folder, plan, arguments.wait);
+  return Execute(session, folder, plan, arguments.wait, std::move(lock));
+}
+
+// Asks the process that runs the batch, on this machine or another one, to stop, until it has.
+void StopLocalRun(const Session& session, const fs::path& folder) {
+  constexpr int kTries = 300, kPause_ms = 100;  // 30 s: it gives its tasks 20 s before it kills them
+  for (int i = 0; i < kTries && BatchLock::Holder(folder); ++i) {
+    session.cancel->ThrowIfCancelled();
+    WriteFileAtomically(folder / kCancelFile, "");  // each time: a run that begins takes away an older one
+    std::this_thread::sleep_for(std::chrono::milliseconds(kPause_ms));
+  }
 }
 
 int Cancel(const Session& session, const fs::path& folder) {
-  const BatchPlan plan = ReadBatchPlan(folder);
+  if (ReadBatchPlan(folder).settings.engine != "slurm") StopLocalRun(session, folder);
+  const BatchLock lock(folder);
+  fs::remove(folder / kCancelFile);
+  const BatchPlan plan = ReadBatchPlan(folder);  // as whoever had the lock left it
   if (plan.settings.engine == "slurm") {
     CancelInSlurm(plan);
     WaitForSlurm(session, plan);
-    std::vector<TaskRecord> records = ReadRecords(plan, folder);
-    for (size_t i = 0; i < records.size(); ++i) {
-      if (records[i].Ended()) continue;
-      records[i].end = "cancelled";
-      WriteTaskRecord(records[i], folder, i);
-    }
-  } else {
-    const std::vector<std::string> states = StatesOfTasks(plan, ReadRecords(plan, folder));
-    const auto any = [&](const char* state) { return std::find(states.begin(), states.end(), state) != states.end(); };
-    // Between two tasks none runs; one who runs the batch takes the file away.
-    if (any("running") || any("waiting")) WriteFileAtomically(folder / kCancelFile, "");
-    const int tries = any("running") ? 300 : 50;
-    for (int i = 0; i < tries && fs::exists(folder / kCancelFile); ++i)
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    fs::remove(folder / kCancelFile);
+  }
+  std::vector<TaskRecord> records = ReadRecords(plan, folder);
+  for (size_t i = 0; i < records.size(); ++i) {
+    if (records[i].Ended()) continue;
+    records[i].end = "cancelled";
+    WriteTaskRecord(records[i], folder, i);
   }
   Show(session, folder, plan, "Batch cancelled", Command("resume", folder));
   return 0;
@@ -241,8 +243,13 @@ int RunBatch(const Session& session, const BatchArguments& arguments) {
   return 0;
 }
 
+// task_memory -> --task-memory
+std::string OptionOf(std::string name) {
+  std::replace(name.begin(), name.end(), '_', '-');
+  return "--" + name;
+}
+
 void AddOptions(CLI::App& command, BatchArguments* a) {
-  BatchSettings& s = a->settings;
   command
       .add_option(
           "LIST", a->words,
@@ -250,33 +257,21 @@ void AddOptions(CLI::App& command, BatchArguments* a) {
           "folder")
       ->required()
       ->expected(1, 3);
-  command.add_option("--engine", s.engine, "local: this machine; slurm: a cluster, through sbatch")
-      ->check(CLI::IsMember({"local", "slurm"}))
-      ->capture_default_str();
   command.add_option("--out", a->out, "where the summary goes; default: beside the list, <list>-batch");
-  command.add_option("--jobs", s.jobs, "local: number of tasks that run at the same time; 0: one per core")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
-  command.add_option(
-      "--memory", s.memory,
-      "local: memory limit of all running tasks together, as 4G or 800M; default: 80 % of the free memory");
-  command
-      .add_option("--task-memory", s.task_memory,
-                  "slurm: memory to request for a task that no earlier result was measured for")
-      ->capture_default_str();
-  command
-      .add_option("--task-minutes", s.task_minutes,
-                  "slurm: minutes to request for such a task; 0: the partition's own limit")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
-  command.add_option("--partition", s.partition, "slurm: partition that the tasks run in");
-  command.add_option("--account", s.account, "slurm: account that is charged");
-  command.add_option("--container", s.container,
-                     "slurm: image that Apptainer runs the tasks in (docs/guides/cluster.md)");
-  command.add_option("--sbatch", s.sbatch, "slurm: a further option of sbatch, --sbatch=--qos=low (several times)")
-      ->allow_extra_args(false);
-  for (CLI::Option* option : command.get_options())
-    option->each([a, name = option->get_name()](const std::string&) { a->given.insert(name); });
+  BatchSettings::VisitMembers([&](const std::string& name, auto member, const std::string& help) {
+    if (help.empty()) return;
+    auto& value = a->settings.*member;
+    CLI::Option* option = command.add_option(OptionOf(name), value, help);
+    option->each([a, name](const std::string&) { a->given.insert(name); });
+    if constexpr (std::is_same_v<decltype(value), std::vector<std::string>&>) {
+      option->allow_extra_args(false);
+    } else {
+      option->capture_default_str();
+    }
+  });
+  command.get_option("--engine")->check(CLI::IsMember({"local", "slurm"}));
+  command.get_option("--jobs")->check(CLI::Range(0, 1024));
+  command.get_option("--task-minutes")->check(CLI::NonNegativeNumber);
   command.add_flag("--wait", a->wait, "slurm: end when all tasks have ended");
   command.add_flag("--retry", a->retry)->group("");
 }

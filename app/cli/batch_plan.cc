@@ -126,16 +126,16 @@ void EstimateNeeds(BatchPlan* plan) {
   }
 }
 
-json JsonOf(const BatchSettings& s) {
-  return {{"engine", s.engine},       {"threads", s.threads},         {"memory", s.memory},
-          {"jobs", s.jobs},           {"task_memory", s.task_memory}, {"task_minutes", s.task_minutes},
-          {"partition", s.partition}, {"account", s.account},         {"container", s.container},
-          {"sbatch", s.sbatch}};
+json JsonOf(const BatchSettings& settings) {
+  json j;
+  BatchSettings::VisitMembers([&](const char* name, auto member, const char*) { j[name] = settings.*member; });
+  return j;
 }
 
 BatchSettings SettingsFrom(const json& j) {
-  return {j.at("engine"),       j.at("threads"),   j.at("memory"),  j.at("jobs"),      j.at("task_memory"),
-          j.at("task_minutes"), j.at("partition"), j.at("account"), j.at("container"), j.at("sbatch")};
+  BatchSettings settings;
+  BatchSettings::VisitMembers([&](const char* name, auto member, const char*) { j.at(name).get_to(settings.*member); });
+  return settings;
 }
 
 json JsonOf(const BatchTask& t) {

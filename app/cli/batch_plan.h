@@ -35,7 +35,7 @@ struct PlannedEntry {
   std::vector<size_t> tasks;
 };
 
-// How the tasks are run; names are those of the command's options.
+// How the tasks are run.
 struct BatchSettings {
   std::string engine = "local";
   int threads = 0;                 // of a task; 0: the engine's choice
@@ -45,6 +45,26 @@ struct BatchSettings {
   double task_minutes = 0;         // slurm: the same, 0: the partition's own limit
   std::string partition, account, container;
   std::vector<std::string> sbatch;  // further options of sbatch
+
+  // Each as visit(name, member, help). The name is the key in batch.json and, with '-' for '_', the option of the
+  // command; `threads`, without help, is one of the common options.
+  template <typename Visitor>
+  static void VisitMembers(Visitor&& visit) {
+    visit("engine", &BatchSettings::engine, "local: this machine; slurm: a cluster, through sbatch");
+    visit("threads", &BatchSettings::threads, "");
+    visit("jobs", &BatchSettings::jobs, "local: number of tasks that run at the same time; 0: one per core");
+    visit("memory", &BatchSettings::memory,
+          "local: memory limit of all running tasks together, as 4G or 800M; default: 80 % of the free memory");
+    visit("task_memory", &BatchSettings::task_memory,
+          "slurm: memory to request for a task that no earlier result was measured for");
+    visit("task_minutes", &BatchSettings::task_minutes,
+          "slurm: minutes to request for such a task; 0: the partition's own limit");
+    visit("partition", &BatchSettings::partition, "slurm: partition that the tasks run in");
+    visit("account", &BatchSettings::account, "slurm: account that is charged");
+    visit("container", &BatchSettings::container,
+          "slurm: image that Apptainer runs the tasks in (docs/guides/cluster.md)");
+    visit("sbatch", &BatchSettings::sbatch, "slurm: a further option of sbatch, --sbatch=--qos=low (several times)");
+  }
 };
 
 struct BatchPlan {

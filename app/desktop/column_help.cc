@@ -125,6 +125,8 @@ constexpr std::pair<const char*, const char*> kMeanings[] = {
     {"trusted", QT_TRANSLATE_NOOP("ColumnHelp", "whether depth_sigma_m keeps the limit trust_depth_sigma_m")},
     {"shares_evidence",
      QT_TRANSLATE_NOOP("ColumnHelp", "1: answer and reference depend on the same data: agreement, not accuracy")},
+    {"attempt",
+     QT_TRANSLATE_NOOP("ColumnHelp", "whether the row is an attempt: the reference has the station's position")},
     {"error_m", QT_TRANSLATE_NOOP("ColumnHelp", "error in space")},
     {"share", QT_TRANSLATE_NOOP("ColumnHelp", "share of the attempts with at most this error")},
     {"low", QT_TRANSLATE_NOOP("ColumnHelp", "lower limit of the share's confidence band")},

@@ -88,7 +88,7 @@ RunToAdjust ReadRun(const StageContext& context, const std::string& name, const 
   FollowReconstruction(ReconstructionManifest(project, "localize", localized).parent_path(), &run);
   RunToAdjust out;
   out.job = MakeLocalizeJob(site, run, project.has_frame(), project.frame(),
-                            ResultOf(project, "features", plain) / "features.db", ReferenceResults(project),
+                            ResultOf(project, "features", plain) / kFeaturesFile, ReferenceResults(project),
                             ViewOptionsOf(project), StitchedRigs(project));
   out.job.input.has_odometry = has_odometry;
   out.run.name = name;

@@ -197,7 +197,7 @@ RunScene ReadRunScene(const Project& project, const std::string& run, const std:
     }
     for (ModelPoint& point : scene.model.points) point.position = world_from_odom * point.position;
   }
-  scene.features = ResultOf(project, "features", {run, "", nlohmann::json::object()}) / "features.db";
+  scene.features = ResultOf(project, "features", {run, "", nlohmann::json::object()}) / kFeaturesFile;
   return scene;
 }
 

@@ -29,7 +29,7 @@ FeaturesBefore Before(const Project& project, const char* stage, const std::stri
   if (!manifest || manifest->value("version", 0) < kSameFeatures) return before;
   const std::filesystem::path dir = project.ResultDir(stage, name);
   const nlohmann::json files = manifest->value("files", nlohmann::json::object());
-  for (const char* file : {"features.db", "pictures.txt"}) {
+  for (const char* file : {kFeaturesFile, kPicturesFile}) {
     std::error_code ignored;
     if (!std::filesystem::exists(dir / file, ignored)) return before;
     if (files.value(file, "") != project.hashes().Of(dir / file)) return before;

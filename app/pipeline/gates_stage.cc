@@ -171,7 +171,7 @@ std::vector<GateMeasure> MeasuresOf(const JudgedResult& result, const std::strin
     add(LocalizeMeasures(result.name, ReadLocalizeResult(result.dir).panoramas, confidence));
   } else if (result.stage == "evaluate") {
     add(EvaluationMeasures(ReadJsonFile(result.dir / "summary.json"), variant, confidence));
-    add(EstimateMeasures(ReadJsonFile(result.dir / "estimates.json")));
+    add(EstimateMeasures(ReadJsonFile(result.dir / "estimates.json"), variant));
   } else {
     const json manifest = ReadJsonFile(result.dir / "manifest.json");
     const json metrics = manifest.is_object() ? manifest.value("metrics", json::object()) : json::object();
@@ -351,7 +351,7 @@ StageInfo GatesStage() {
     for (const GateLimit& limit : SetLimits(limits)) stages.insert(MeasuredBy(limit.section, limit.name));
     const std::vector<JudgedResult> results = ResultsFor(project, target, stages);
     StageRequest request;
-    request.version = 2;
+    request.version = 3;
     request.values["limits"] = JsonFromOptions(limits);
     request.values["variant"] = target.variant;
     for (const JudgedResult& result : results) {

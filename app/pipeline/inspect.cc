@@ -240,7 +240,7 @@ std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const
   const ImageEntry& entry = p.Entry(file);
   StageTarget plain = p.target;
   plain.variant.clear();
-  const fs::path images_db = ResultOf(p.project, "features", plain) / "features.db";
+  const fs::path images_db = ResultOf(p.project, "features", plain) / kFeaturesFile;
   std::vector<fs::path> view_dbs;
   for (const fs::path& result : ReferenceResults(p.project)) view_dbs.push_back(result / kFeaturesFile);
   std::vector<fs::path> databases = view_dbs;

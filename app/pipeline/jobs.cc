@@ -4,6 +4,7 @@
 #include <set>
 
 #include "app/pipeline/gates_stage.h"
+#include "app/pipeline/reference_parts.h"
 #include "app/pipeline/single_job.h"
 #include "app/pipeline/tags_wanted.h"
 #include "datasets/project/files.h"
@@ -257,6 +258,8 @@ std::vector<JobResult> RunJobs(const Project& project, const std::vector<Job>& a
     }
     callbacks.ended(results.back());
   }
+  if (std::any_of(jobs.begin(), jobs.end(), [](const Job& job) { return job.stage->name == "references"; }))
+    RemoveFormerParts(project, progress);
   return results;
 }
 

@@ -2,31 +2,22 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
+#include <set>
 
 #include "calib/base/fnv.h"
+#include "datasets/project/files.h"
+#include "datasets/project/manifest.h"
+#include "datasets/project/result_part.h"
 
 namespace trigpoint {
 namespace {
 
 constexpr size_t kPerPart = 128;  // references, on average at most
 
-// Of `count` parts the one with this number.
-struct PartNumber {
-  unsigned number = 0, count = 1;
-};
-
-std::string NameOf(const PartNumber& part) {
-  return part.count == 1 ? "" : fmt::format("{:03}of{:03}", part.number, part.count);
-}
-
-PartNumber NumberOf(const std::string& name) {
-  PartNumber part;
-  if (name.empty()) return part;
-  const bool read = std::sscanf(name.c_str(), "%uof%u", &part.number, &part.count) == 2;
-  if (!read || part.number >= part.count || NameOf(part) != name)
-    throw OptionError("there is no part '" + name + "' of the references; expected a name as 003of016");
-  return part;
+ResultPart PartNamed(const std::string& name) {
+  const auto part = ParsePartName(name);
+  if (!part) throw OptionError("there is no part '" + name + "' of the references; expected a name as 003of016");
+  return *part;
 }
 
 // Names differ in their last letters, which FNV's low bits hardly mix (the finaliser of MurmurHash3).
@@ -51,12 +42,12 @@ std::vector<std::string> ReferenceParts(const Site& site) {
   unsigned count = 1;
   while (count * kPerPart < site.references.size()) count *= 2;
   std::vector<std::string> parts;
-  for (unsigned k = 0; k < count; ++k) parts.push_back(NameOf({k, count}));
+  for (unsigned k = 0; k < count; ++k) parts.push_back(PartName({k, count}));
   return parts;
 }
 
 Site SiteOfPart(Site site, const std::string& part) {
-  const PartNumber its = NumberOf(part);
+  const ResultPart its = PartNamed(part);
   std::erase_if(site.references, [&](const Reference& r) {
     return Mixed(Fnv1a(r.name.data(), r.name.size())) % its.count != its.number;
   });
@@ -64,10 +55,10 @@ Site SiteOfPart(Site site, const std::string& part) {
 }
 
 std::string ParentPart(const std::string& part) {
-  PartNumber its = NumberOf(part);
+  ResultPart its = PartNamed(part);
   if (its.count > 1) its.count /= 2;
   its.number %= its.count;
-  return NameOf(its);
+  return PartName(its);
 }
 
 std::vector<std::filesystem::path> ReferenceResults(const Project& project) {
@@ -84,6 +75,38 @@ std::vector<std::filesystem::path> ReferenceManifests(const Project& project) {
   std::vector<std::filesystem::path> manifests = ReferenceResults(project);
   for (std::filesystem::path& path : manifests) path /= "manifest.json";
   return manifests;
+}
+
+void RemoveFormerParts(const Project& project, ProgressSink& progress) {
+  const std::string stage = "references";
+  std::set<std::string> present;
+  for (const std::filesystem::path& result : ReferenceResults(project)) {
+    const std::string folder = result.filename().string();
+    present.insert(folder);
+    if (!ReadManifest(project, stage, folder.substr(stage.size()))) return;
+  }
+  std::set<std::string> former;
+  std::error_code ignored;
+  for (std::filesystem::directory_iterator it(project.results(), ignored), end; it != end; it.increment(ignored)) {
+    const std::string folder = it->path().filename().string();
+    if (PartOfResult(folder) && present.count(folder) == 0) former.insert(folder);
+  }
+  for (const std::string& folder : former) {
+    const std::string shown = RelativeTo(project.dir(), project.results() / folder);
+    const std::string now = fmt::format("the site's references are made in {} now",
+                                        present.size() == 1 ? "one part" : fmt::format("{} parts", present.size()));
+    try {
+      if (RemoveResult(project, stage, folder.substr(stage.size()))) {
+        progress.Log(LogLevel::kInfo, shown + " is removed: " + now);
+      } else {
+        progress.Log(LogLevel::kWarning, shown + ": expected only what `references` wrote, found other files or a " +
+                                             "damaged manifest.json. Nothing reads this folder: " + now +
+                                             ". Move what is yours and delete it");
+      }
+    } catch (const IoError& e) {
+      progress.Log(LogLevel::kWarning, e.what());
+    }
+  }
 }
 
 }  // namespace trigpoint

@@ -18,6 +18,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
+constexpr double kInputPatience_s = 10;  // far more than an input file takes to write
+
 struct flock WholeFile(short type) {
   struct flock lock {};
   lock.l_type = type;
@@ -55,12 +57,15 @@ int OpenLocked(const fs::path& file, short type, double patience_s) {
   return -1;
 }
 
-[[noreturn]] void ThrowInUse(const fs::path& project, const fs::path& file) {
+[[noreturn]] void ThrowInUse(const std::string& object, const std::string& meanwhile, const fs::path& file) {
   const LockHolder other = Parse(ReadTextFile(file));
-  throw IoError("project " + project.string() + " is in use by process " + std::to_string(other.process) + " of " +
-                other.user + " on " + other.host + " since " + other.since +
-                (other.stage.empty() ? "" : " (making " + other.stage + ")") +
-                "; wait until it is done, or stop it. `trigpoint status` works meanwhile");
+  throw IoError(object + " is in use by process " + std::to_string(other.process) + " of " + other.user + " on " +
+                other.host + " since " + other.since + (other.stage.empty() ? "" : " (making " + other.stage + ")") +
+                "; wait until it is done, or stop it. `" + meanwhile + "` works meanwhile");
+}
+
+[[noreturn]] void ThrowProjectInUse(const fs::path& results, const fs::path& file) {
+  ThrowInUse("project " + results.parent_path().string(), "trigpoint status", file);
 }
 
 void WriteHolder(int fd, const fs::path& file, const LockHolder& holder) {
@@ -106,7 +111,7 @@ std::string HostName() {
 
 ProjectLock::ProjectLock(const fs::path& results) : file_(results / ".lock") {
   fd_ = OpenLocked(file_, F_WRLCK, 0);
-  if (fd_ < 0) ThrowInUse(results.parent_path(), file_);
+  if (fd_ < 0) ThrowProjectInUse(results, file_);
   holder_ = {HostName(), getpid(), UserName(), UtcTimeText(), ""};
   try {
     Announce("");
@@ -134,11 +139,9 @@ void ProjectLock::Announce(const std::string& stage) {
 
 std::optional<LockHolder> ProjectLock::Holder(const fs::path& results) { return HolderOf(results / ".lock"); }
 
-InputLock::InputLock(const fs::path& results) {
-  constexpr double kPatience_s = 10;
-  const fs::path file = results / ".inputs.lock";
-  fd_ = OpenLocked(file, F_WRLCK, kPatience_s);
-  if (fd_ < 0) ThrowInUse(results.parent_path(), file);
+FileLock::FileLock(const fs::path& file, const std::string& object, const std::string& meanwhile, double patience_s) {
+  fd_ = OpenLocked(file, F_WRLCK, patience_s);
+  if (fd_ < 0) ThrowInUse(object, meanwhile, file);
   try {
     WriteHolder(fd_, file, {HostName(), getpid(), UserName(), UtcTimeText(), ""});
   } catch (const IoError&) {
@@ -148,20 +151,30 @@ InputLock::InputLock(const fs::path& results) {
 }
 
 // Unlocked, not only closed: a child that was forked meanwhile has the file open, too.
-InputLock::~InputLock() {
+FileLock::~FileLock() {
+  [[maybe_unused]] const int ignored = ftruncate(fd_, 0);  // the content says nothing once the lock is gone
   struct flock none = WholeFile(F_UNLCK);
   fcntl(fd_, F_OFD_SETLK, &none);
   close(fd_);
 }
 
+InputLock::InputLock(const fs::path& results)
+    : FileLock(results / ".inputs.lock", "project " + results.parent_path().string(), "trigpoint status",
+               kInputPatience_s) {}
+
+BatchLock::BatchLock(const fs::path& folder)
+    : FileLock(folder / ".lock", "batch " + folder.string(), "trigpoint batch status", 0) {}
+
+std::optional<LockHolder> BatchLock::Holder(const fs::path& folder) { return HolderOf(folder / ".lock"); }
+
 TaskLock::TaskLock(const fs::path& results, const std::string& result, double patience_s) {
   const fs::path project_file = results / ".lock", file = FileOfResult(results, result);
   const LockHolder holder{HostName(), getpid(), UserName(), UtcTimeText(), result};
   project_fd_ = OpenLocked(project_file, F_RDLCK, patience_s);
-  if (project_fd_ < 0) ThrowInUse(results.parent_path(), project_file);
+  if (project_fd_ < 0) ThrowProjectInUse(results, project_file);
   try {
     result_fd_ = OpenLocked(file, F_WRLCK, patience_s);
-    if (result_fd_ < 0) ThrowInUse(results.parent_path(), file);
+    if (result_fd_ < 0) ThrowProjectInUse(results, file);
     WriteHolder(result_fd_, file, holder);
     WriteHolder(project_fd_, project_file, holder);  // one of those who hold it together is named
   } catch (const IoError&) {

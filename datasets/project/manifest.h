@@ -21,4 +21,8 @@ class RefusedInput : public InputError {
 // there is none.
 std::string ManifestDamage(const Project& project, const std::string& stage, const std::string& name);
 
+// Removes a result that nothing reads any more, with the records beside it. False, with nothing removed, unless its
+// folder holds only what its manifest lists. The caller has the project's lock. Throws IoError.
+bool RemoveResult(const Project& project, const std::string& stage, const std::string& name);
+
 }  // namespace trigpoint

@@ -180,16 +180,25 @@ std::vector<std::string> ChangedFiles(const Project& project, const json& manife
   return changed;
 }
 
-// Files that somebody else put into a result's folder are carried over to the one that replaces it.
+// Files that somebody else put into a result's folder.
+std::vector<std::string> ForeignFiles(const fs::path& dir, const json& manifest) {
+  const json files = manifest.value("files", json::object());
+  std::vector<std::string> foreign;
+  for (const fs::path& file : FilesBelow(dir)) {
+    const std::string name = RelativeTo(dir, file);
+    if (name != kLog && name != kManifest && !files.contains(name)) foreign.push_back(name);
+  }
+  return foreign;
+}
+
+// They are carried over to the folder that replaces it.
 void KeepForeignFiles(const fs::path& old, const fs::path& fresh) {
   const std::optional<json> manifest = ReadManifestIn(old);
   if (!manifest) return;
-  const json files = manifest->value("files", json::object());
-  for (const fs::path& file : FilesBelow(old)) {
-    const std::string name = RelativeTo(old, file);
-    if (name == kLog || name == kManifest || files.contains(name) || fs::exists(fresh / name)) continue;
+  for (const std::string& name : ForeignFiles(old, *manifest)) {
+    if (fs::exists(fresh / name)) continue;
     fs::create_directories((fresh / name).parent_path());
-    fs::copy_file(file, fresh / name);
+    fs::copy_file(old / name, fresh / name);
   }
 }
 
@@ -542,6 +551,21 @@ std::string ManifestDamage(const Project& project, const std::string& stage, con
   std::string damage;
   ReadManifestIn(project.ResultDir(stage, name), &damage);
   return damage;
+}
+
+bool RemoveResult(const Project& project, const std::string& stage, const std::string& name) {
+  const fs::path dir = project.ResultDir(stage, name), aside = Beside(dir, kTemporaryPrefix);
+  bool foreign = true;
+  CallTranslated([&] {
+    const auto manifest = ReadManifestIn(dir);
+    foreign = !manifest || manifest->value("stage", "") != stage || !ForeignFiles(dir, *manifest).empty();
+    if (foreign) return;
+    fs::remove_all(aside);
+    fs::rename(dir, aside);  // what a killed process leaves of it goes with the next lock
+    fs::remove_all(aside);
+    for (const std::string_view prefix : {kFailedPrefix, kBeforePrefix}) fs::remove_all(Beside(dir, prefix));
+  });
+  return !foreign;
 }
 
 std::optional<json> ReadManifest(const Project& project, const std::string& stage, const std::string& name) {

@@ -21,7 +21,7 @@ std::map<Key, std::vector<ErrorRow>> Grouped(const std::vector<ErrorRow>& rows) 
   return groups;
 }
 
-// Rows without a reference are neither answers nor abstentions.
+// Rows that are no attempt are neither answers nor abstentions.
 ErrorStatistics StatisticsOfRows(const std::vector<ErrorRow>& rows) {
   std::vector<double> errors;
   int abstentions = 0;
@@ -29,7 +29,7 @@ ErrorStatistics StatisticsOfRows(const std::vector<ErrorRow>& rows) {
     if (row.error_3d_m) {
       errors.push_back(*row.error_3d_m);
     } else {
-      abstentions += row.status != "no_reference";
+      abstentions += row.attempt;
     }
   }
   return Summarize(errors, abstentions);

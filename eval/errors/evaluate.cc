@@ -305,10 +305,6 @@ std::optional<NeesSummary> JointNeesOf(const std::vector<const ErrorRow*>& all, 
   return NeesSummary{.rows = static_cast<int>(n), .dof = static_cast<int>(3 * n), .nees = *nees};
 }
 
-// Stations whose place a reference doesn't know: run, variant, reference, station. Whether a run answers there or not,
-// it is no attempt.
-using UnknownPlaces = std::set<std::tuple<std::string, std::string, std::string, std::string>>;
-
 // Normalised errors, rows taken as independent.
 void AddNees(const std::vector<const ErrorRow*>& rows, double confidence, GroupSummary* summary) {
   NeesSummary in_space;
@@ -327,8 +323,7 @@ void AddNees(const std::vector<const ErrorRow*>& rows, double confidence, GroupS
   summary->anees_bounds = in_space.Bounds(confidence);
 }
 
-void SummarizeGroup(const std::vector<const ErrorRow*>& rows, const UnknownPlaces& places_unknown,
-                    const EvaluateOptions& options, GroupSummary* summary) {
+void SummarizeGroup(const std::vector<const ErrorRow*>& rows, const EvaluateOptions& options, GroupSummary* summary) {
   std::set<std::string> runs, stations;
   std::map<std::string, int> run_index, station_index;
   std::vector<ClusteredValue> clustered;
@@ -339,11 +334,8 @@ void SummarizeGroup(const std::vector<const ErrorRow*>& rows, const UnknownPlace
     if (row->status != kLocalized) {
       ++summary->reasons[row->reason.empty() ? row->status : row->status + ": " + row->reason];
     }
-    if (row->status == kNoReference) {
-      ++summary->unscored;
-      continue;
-    }
-    if (places_unknown.count({row->run, row->variant, row->reference, row->station}) > 0) continue;
+    summary->unscored += row->status == kNoReference;
+    if (!row->attempt) continue;
     ++summary->attempts;
     stations.insert(row->station);
     summary->passed += row->passed;
@@ -496,9 +488,9 @@ Support SupportOf(const EvaluatedRun& run, const EvaluateOptions& options) {
   return support;
 }
 
-// `measured`: the station's offset comes from its panoramas. `known`: the reference says where its centre is.
+// `measured`: the station's offset comes from its panoramas.
 ErrorRow RowOf(const EvaluatedRun& run, const Attempt& attempt, const Stations& stations, bool measured,
-               const MapView& map, const Support& support, const EvaluateOptions& options, bool* known) {
+               const MapView& map, const Support& support, const EvaluateOptions& options) {
   const auto found = stations.find(attempt.station);
   const Station* const station = found == stations.end() ? nullptr : found->second;
   ErrorRow row{.run = run.run,
@@ -517,8 +509,8 @@ ErrorRow RowOf(const EvaluatedRun& run, const Attempt& attempt, const Stations& 
   }
   if (measured) row.shares_evidence = true;
   const auto stitch = run.stitch_sigma.find(attempt.panorama);
-  *known = Score(attempt.answer, station, map, options.passed_radius_m,
-                 stitch == run.stitch_sigma.end() ? 0 : stitch->second, &row);
+  row.attempt = Score(attempt.answer, station, map, options.passed_radius_m,
+                      stitch == run.stitch_sigma.end() ? 0 : stitch->second, &row);
   if (const auto it = support.find(attempt.panorama); it != support.end() && row.error_3d_m) {
     row.depth = it->second;
     if (row.depth) row.trusted = row.depth->depth_sigma_m <= options.trust_depth_sigma_m;
@@ -547,7 +539,6 @@ Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) 
   const Stations stations = StationsByName(input.stations, &result);
   WarnOfReferences(input.references, &result.warnings);
   std::map<std::string, CommonErrors> common;  // by variant
-  UnknownPlaces places_unknown;
   std::map<ErrorGroup, GroupBackground> background;
   for (const EvaluatedRun& run : input.runs) {
     for (const std::string& warning : run.result.warnings) result.warnings.push_back(run.run + ": " + warning);
@@ -560,10 +551,8 @@ Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) 
     const std::vector<Attempt> attempts = AttemptsOf(run, input.stations, result.stations);
     for (const MapView& map : MapsOf(run, input.references)) {
       for (const Attempt& attempt : attempts) {
-        bool known = false;
-        ErrorRow row = RowOf(run, attempt, stations, input.measured_stations.contains(attempt.station), map, support,
-                             options, &known);
-        if (!known) places_unknown.insert({row.run, row.variant, row.reference, row.station});
+        ErrorRow row =
+            RowOf(run, attempt, stations, input.measured_stations.contains(attempt.station), map, support, options);
         GroupBackground& group = background[GroupOf(row)];
         group.map = map.map;
         group.estimate.insert(run.evidence.begin(), run.evidence.end());
@@ -583,7 +572,7 @@ Evaluation Evaluate(const EvaluateInput& input, const EvaluateOptions& options) 
     const GroupBackground& behind = background[summary.group];
     summary.estimate_rests_on.assign(behind.estimate.begin(), behind.estimate.end());
     summary.reference_rests_on.assign(behind.reference.begin(), behind.reference.end());
-    SummarizeGroup(rows, places_unknown, options, &summary);
+    SummarizeGroup(rows, options, &summary);
     summary.nees_joint = JointNeesOf(rows, behind.map, common[summary.group.variant]);
     result.groups.push_back(std::move(summary));
   }

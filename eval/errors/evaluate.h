@@ -102,7 +102,7 @@ struct EvaluateInput {
 // A row of errors.csv. status is the localizer's (localized, rejected, unmatched), or
 //   missing       the result has no row for the station
 //   no_reference  it was localized but there is nothing to hold it against; `reason` says why
-// Only `localized` rows have errors. `missing`, `rejected` and `unmatched` are abstentions.
+// Only `localized` rows have errors. `missing`, `rejected` and `unmatched` are abstentions where the row is an attempt.
 struct ErrorRow {
   std::string run, variant;
   std::string method;  // g1, g2, single
@@ -111,6 +111,8 @@ struct ErrorRow {
   std::string reference;  // self, or ReferenceMap::name
   std::string kind;       // relative, absolute
   std::string status, reason;
+  // Does the reference give the station's position? Without it, neither an answer nor an abstention counts.
+  bool attempt = true;
   std::optional<double> error_3d_m;
   std::optional<double> error_h_m, error_v_m;  // unset when the vertical of the odom frame is not known
   std::optional<Eigen::Vector3d> error_enu_m;  // estimate - reference; unset when north is not known
@@ -151,7 +153,7 @@ struct PercentileIntervals {
 struct GroupSummary {
   ErrorGroup group;
   int runs = 0, stations = 0;
-  int attempts = 0;  // every station of every run, no_reference left out
+  int attempts = 0;  // rows that are one: every station of every run with a reference position
   int answers = 0;   // of these, answered and scored
   int unscored = 0;  // no_reference
   int passed = 0;    // attempts at stations that the run passed

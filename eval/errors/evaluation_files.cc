@@ -122,9 +122,9 @@ const std::vector<std::string>& ErrorColumns() {
 // Beyond what every version has had.
 const std::vector<std::string>& FurtherColumns() {
   static const std::vector<std::string> columns{
-      "nees_h",       "nees_v",       "sigma_tag_map_m", "sigma_offset_m", "sigma_stitch_m", "sigma_localization_m",
-      "dominant",     "parallax_deg", "structure_m",     "depth_sigma_m",  "trusted",        "shares_evidence",
-      "sigma_rot_deg"};
+      "nees_h",        "nees_v",       "sigma_tag_map_m", "sigma_offset_m", "sigma_stitch_m", "sigma_localization_m",
+      "dominant",      "parallax_deg", "structure_m",     "depth_sigma_m",  "trusted",        "shares_evidence",
+      "sigma_rot_deg", "attempt"};
   return columns;
 }
 
@@ -160,7 +160,7 @@ void WriteErrors(const Evaluation& evaluation, const std::filesystem::path& file
     row.trusted ? csv.Text(*row.trusted ? "yes" : "no") : csv.Empty();
     csv.Text(row.shares_evidence ? "yes" : "no");
     number(row.sigma_rot_deg);
-    csv.EndRow();
+    csv.Text(row.attempt ? "yes" : "no").EndRow();
   }
   csv.Save(file);
 }
@@ -481,6 +481,7 @@ std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv) {
                  .dof = static_cast<int>(cells.Integer("dof", 0))};
     row.shares_evidence =
         cells.Has("shares_evidence") ? cells.Text("shares_evidence") == "yes" : row.reference == "self";
+    row.attempt = cells.Has("attempt") ? cells.Text("attempt") == "yes" : row.status != "no_reference";
     if (cells.Has("de_m") && cells.Has("dn_m") && cells.Has("du_m")) {
       row.error_enu_m = {cells.Number("de_m"), cells.Number("dn_m"), cells.Number("du_m")};
     }

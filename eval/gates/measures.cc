@@ -9,6 +9,7 @@
 #include "eval/statistics/distributions.h"
 #include "eval/text/method_name.h"
 #include "eval/trajectory/estimates.h"
+#include "eval/trajectory/score_estimates.h"
 
 namespace trigpoint {
 namespace {
@@ -272,10 +273,11 @@ std::vector<GateMeasure> LocalizeMeasures(const std::string& run, const std::vec
   return {share, sigma};
 }
 
-std::vector<GateMeasure> EstimateMeasures(const json& estimates) {
+std::vector<GateMeasure> EstimateMeasures(const json& estimates, const std::string& variant) {
   std::vector<GateMeasure> measures;
   for (const json& e : ListAt(estimates, "estimates")) {
-    const std::string subject = TextAt(e, "system") + " on " + TextAt(e, "run");
+    const std::string system = TextAt(e, "system"), subject = system + " on " + TextAt(e, "run");
+    if (IsOwnSystem(system) && system != OwnSystem(variant)) continue;
     const int attempts = CountAt(e, "/attempts"), answers = CountAt(e, "/answers");
     GateMeasure ate{.gate = "estimates.max_ate_m", .subject = subject, .n = answers, .counted = "images"};
     ate.value = NumberAt(e, "/rmse_m");

@@ -25,8 +25,9 @@ std::vector<GateMeasure> SurveyMeasures(const nlohmann::json& summary, const std
 std::vector<GateMeasure> LocalizeMeasures(const std::string& run, const std::vector<PanoramaResult>& panoramas,
                                           double confidence);
 
-// estimates.*, from estimates.json of `evaluate`.
-std::vector<GateMeasure> EstimateMeasures(const nlohmann::json& estimates);
+// estimates.*, from estimates.json of `evaluate`: of the cameras of `variant`, and of other systems. The first
+// evaluation also shows the cameras of all variants: each is judged by gates of its own.
+std::vector<GateMeasure> EstimateMeasures(const nlohmann::json& estimates, const std::string& variant);
 
 // stitch.* of one photo set, and calibration.* of one calibration, from their manifests' metrics.
 std::vector<GateMeasure> StitchMeasures(const std::string& set, const nlohmann::json& metrics);

@@ -6,6 +6,7 @@
 
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/result_part.h"
 #include "eval/errors/evaluation_files.h"
 #include "eval/errors/reference_maps.h"
 
@@ -43,14 +44,6 @@ void ReadTags(const fs::path& folder, Compared* compared) {
 // "run1@trial" without the variant, so that the same stage of two variants meets.
 std::string WithoutVariant(const std::string& name) { return name.substr(0, name.find('@')); }
 
-// "003of016": not a variant, but a part of a large site's references.
-bool IsPart(const std::string& behind_at) {
-  const size_t of = behind_at.find("of");
-  return of != std::string::npos && of > 0 && of + 2 < behind_at.size() &&
-         behind_at.find_first_not_of("0123456789") == of &&
-         behind_at.find_first_not_of("0123456789", of + 2) == std::string::npos;
-}
-
 void ReadStages(const fs::path& results, const std::string& variant, Compared* compared) {
   std::map<std::string, fs::path> parts;  // the first one of each number of parts
   std::error_code ignored;
@@ -65,8 +58,8 @@ void ReadStages(const fs::path& results, const std::string& variant, Compared* c
     const std::string its = at == std::string::npos || name[at - 1] == '/' ? "" : name.substr(at + 1);
     // What has no variant of its own serves all.
     const std::string key = WithoutVariant(name);
-    if (IsPart(its)) {
-      if (its.starts_with("000")) parts[name] = it->path();
+    if (const auto part = PartOfResult(name); part && part->count > 1) {
+      if (part->number == 0) parts[name] = it->path();
     } else if (its == variant || (its.empty() && compared->stages.count(key) == 0)) {
       compared->stages[key] = ReadJsonOrNothing(it->path());
     }
@@ -83,7 +76,7 @@ std::vector<std::string> VariantsWithResults(const fs::path& results) {
     const std::string name = it->path().filename().string();
     const size_t at = name.find('@');
     if (name.front() == '.' || it.depth() > 0) it.disable_recursion_pending();
-    if (name.front() != '.' && at != std::string::npos && !IsPart(name.substr(at + 1)) && it->is_directory(ignored))
+    if (name.front() != '.' && at != std::string::npos && !PartOfResult(name) && it->is_directory(ignored))
       variants.insert(name.substr(at + 1));
   }
   return {variants.begin(), variants.end()};

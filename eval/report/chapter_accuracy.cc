@@ -346,13 +346,14 @@ void AddCoverageRisk(const ChapterContext& c, std::vector<Block>* blocks) {
         return static_cast<size_t>(std::find(f.columns.begin(), f.columns.end(), name) - f.columns.begin());
       };
       const size_t method = column("method"), reference = column("reference"), kind = column("kind"),
-                   variant = column("variant"), coverage = column("coverage"), p90 = column("p90_m");
+                   variant = column("variant"), coverage = column("coverage"), p90 = column("p90_m"),
+                   shared = column("shares_evidence");  // older tables have none
       if (std::max({method, reference, kind, variant, coverage, p90}) >= f.columns.size()) continue;
       for (const auto& row : f.rows) {
         const auto x = ParseDouble(row[coverage]), y = ParseDouble(row[p90]);
         if (row[method] == "g1" || !x || !y || !std::isfinite(*y)) continue;
-        const std::string name =
-            MethodName(row[method]) + " against " + ReferenceName(row[reference]) + ", " + row[kind];
+        const bool shares = shared < row.size() && row[shared] == "yes";
+        const std::string name = GroupTitle(row[method], row[reference], row[kind], shares, "");
         std::vector<Series>& series = of_variant[row[variant].empty() ? v.variant : row[variant]];
         if (series.empty() || series.back().name != name) series.push_back({name, {}});
         series.back().points.push_back({*x, *y / c.unit.metres, {}, {}});
@@ -451,9 +452,8 @@ void AddConsistency(const ChapterContext& c, std::vector<Block>* blocks) {
   for (const VariantData& v : c.data.variants) {
     for (const ErrorRecord& e : v.errors) {
       if (e.Answered() && e.nees && e.dof > 0) {
-        of_group[MethodName(e.method) + " against " + ReferenceName(e.reference) + ", " + e.kind +
-                 (e.variant.empty() ? "" : ", variant " + e.variant)]
-            .push_back(&e);
+        // An answer that shares evidence with its reference errs less than its sigmas say: it has a curve of its own.
+        of_group[GroupTitle(e.method, e.reference, e.kind, e.shares_evidence, e.variant)].push_back(&e);
       }
     }
   }

@@ -31,10 +31,14 @@ std::string GroupName(const nlohmann::json& group) {
 }
 
 std::string GroupTitle(const nlohmann::json& group) {
-  const std::string variant = TextAt(group, "variant");
-  return MethodName(TextAt(group, "method")) + " against " + ReferenceName(TextAt(group, "reference")) + ", " +
-         TextAt(group, "kind") +
-         (FlagAt(group, "shares_evidence") && TextAt(group, "reference") != "self" ? ", shared evidence" : "") +
+  return GroupTitle(TextAt(group, "method"), TextAt(group, "reference"), TextAt(group, "kind"),
+                    FlagAt(group, "shares_evidence"), TextAt(group, "variant"));
+}
+
+std::string GroupTitle(const std::string& method, const std::string& reference, const std::string& kind,
+                       bool shares_evidence, const std::string& variant) {
+  return MethodName(method) + " against " + ReferenceName(reference) + ", " + kind +
+         (shares_evidence && reference != "self" ? ", shared evidence" : "") +
          (variant.empty() ? "" : ", variant " + variant);
 }
 

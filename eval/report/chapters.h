@@ -44,6 +44,8 @@ std::vector<nlohmann::json> Groups(const ReportData& data);
 std::string GroupName(const nlohmann::json& group);
 // For people: "panorama (G2) against surveyed control, absolute [, variant paper]".
 std::string GroupTitle(const nlohmann::json& group);
+std::string GroupTitle(const std::string& method, const std::string& reference, const std::string& kind,
+                       bool shares_evidence, const std::string& variant);
 // Names an answer.
 std::string CellKey(const std::string& run, const std::string& variant, const std::string& panorama);
 // Answers in the order in which their pictures are wanted.

@@ -45,13 +45,12 @@ PoseSequence SequenceOf(const std::vector<TimedPose>& poses) {
 
 // The cameras of a result of localize, with the sigmas they state.
 EstimateReport ScoreCameras(const Project& project, const EvaluatedRun& run, const EstimateScoreOptions& options) {
-  const std::string system = run.variant.empty() ? kOwnSystem : std::string(kOwnSystem) + "@" + run.variant;
   SystemConfig config;
   config.point = "camera";
   const bool placed = !run.result.cameras.empty();
   if (!placed) config.alignment = TrajectoryAlignment::kSE3;
   EstimateReport report =
-      ScoreEstimate(system, run.run, SequenceOf(placed ? run.result.cameras : run.result.cameras_odom),
+      ScoreEstimate(OwnSystem(run.variant), run.run, SequenceOf(placed ? run.result.cameras : run.result.cameras_odom),
                     ReadReferencePoses(ReferenceOf(project, run.run)), project.run(run.run).cameras, config, options);
   if (!placed) report.notes.push_back("the run has no place in the site's frame: fitted to the reference first");
   std::map<int64_t, Eigen::Vector3d> sigmas;
@@ -66,6 +65,12 @@ EstimateReport ScoreCameras(const Project& project, const EvaluatedRun& run, con
 }
 
 }  // namespace
+
+std::string OwnSystem(const std::string& variant) {
+  return variant.empty() ? kOwnSystem : std::string(kOwnSystem) + "@" + variant;
+}
+
+bool IsOwnSystem(const std::string& system) { return system == kOwnSystem || system.starts_with(OwnSystem("") + "@"); }
 
 std::vector<fs::path> EstimateInputs(const Project& project) {
   std::vector<fs::path> inputs;
@@ -99,8 +104,8 @@ std::vector<EstimateReport> ScoreEstimates(const Project& project, const Estimat
       progress.Log(LogLevel::kWarning, "estimates/" + found.system + "/" + run + ".tum is not scored: " + why);
     };
     try {
-      if (found.system == kOwnSystem) {
-        skip("the name 'trigpoint' is that of this program's own cameras; rename the folder");
+      if (IsOwnSystem(found.system)) {
+        skip("the name '" + found.system + "' is that of this program's own cameras; rename the folder");
         continue;
       }
       const std::vector<std::string> names = project.RunNames();

@@ -236,6 +236,43 @@ TEST_F(JobsTest, PartsWaitForTheFirstOne) {
   EXPECT_THAT(needs[2].needs, ElementsAre(0, 1));
 }
 
+// Features are taken over from the parts of a former number until the present ones are there.
+TEST_F(JobsTest, PartsOfAFormerNumberGoWhenThePresentOnesAreThere) {
+  for (const char* name : {"@000of002", "@001of002", "@trial"}) {
+    StageRequest request;
+    request.stage = "references";
+    request.name = name;
+    request.body = [](StageContext& context) { std::ofstream(context.out / "features.db") << "features"; };
+    RunStage(project_, request, 1, 1, progress_, cancel_);
+  }
+  folder_.Write("results/references@001of002/notes.txt", "mine");
+  folder_.Write("results/references@000of004/notes.txt", "mine");
+  const auto there = [&](const std::string& file) {
+    return std::filesystem::exists(folder_ / ("results/references" + file));
+  };
+  RemoveFormerParts(project_, progress_);
+  EXPECT_TRUE(there("@000of002/features.db"));
+  class Sink : public ProgressSink {
+   public:
+    void Log(LogLevel level, std::string_view text) override {
+      if (level == LogLevel::kWarning) warnings.emplace_back(text);
+    }
+    std::vector<std::string> warnings;
+  } sink;
+  const StageInfo references = ToyStage("references", {}, false, false);
+  jobs_.clear();
+  jobs_.push_back({&references, {}});
+  RunJobs(project_, jobs_, 1, 1, sink, cancel_);
+  EXPECT_TRUE(there("/manifest.json"));
+  EXPECT_FALSE(there("@000of002"));
+  // What a person put there stays, and is named.
+  for (const char* file : {"@001of002/notes.txt", "@001of002/features.db", "@000of004/notes.txt"})
+    EXPECT_TRUE(there(file)) << file;
+  EXPECT_THAT(sink.warnings, ElementsAre(testing::HasSubstr("results/references@000of004: expected only what"),
+                                         testing::HasSubstr("results/references@001of002: expected only what")));
+  EXPECT_TRUE(there("@trial/features.db"));  // no part
+}
+
 // Whatever the names have in common, each part has its share, and a name has one part.
 TEST(ReferencePartsTest, AreAboutEqual) {
   for (const char* pattern : {"S{0}/S{0}.jpg", "panoramas/S{0:03}/S{0:03}.jpg", "S{0:03}/S{0:03}.png", "{}.jpg"}) {

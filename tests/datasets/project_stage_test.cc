@@ -291,6 +291,22 @@ TEST_F(StageTest, ReplacementCutBetweenItsStepsIsUndone) {
   EXPECT_EQ(folder_.Read("results/toy/run1/result.txt"), "1");
 }
 
+TEST_F(StageTest, OnlyWhatAStageWroteIsRemoved) {
+  Run();
+  folder_.Write("results/toy/run1/notes/mine.txt", "mine");
+  EXPECT_FALSE(RemoveResult(project_, "toy", "run1"));
+  EXPECT_EQ(State(), StageState::kDone);
+  fs::remove_all(Result() / "notes");
+  const std::string manifest = folder_.Read("results/toy/run1/manifest.json");
+  folder_.Write("results/toy/run1/manifest.json", "{}");
+  EXPECT_FALSE(RemoveResult(project_, "toy", "run1"));
+  EXPECT_TRUE(fs::exists(Result() / "result.txt"));
+  folder_.Write("results/toy/run1/manifest.json", manifest);
+  EXPECT_TRUE(RemoveResult(project_, "toy", "run1"));
+  EXPECT_THAT(Leftovers(), testing::IsEmpty());
+  EXPECT_FALSE(RemoveResult(project_, "toy", "run1"));
+}
+
 TEST_F(StageTest, FilesOfTheUserInAResultAreKept) {
   Run();
   folder_.Write("results/toy/run1/notes/mine.txt", "mine");

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "datasets/io/text.h"
+#include "datasets/project/result_part.h"
 #include "tests/datasets/project_folder.h"
 
 namespace trigpoint {
@@ -168,6 +169,25 @@ TEST(Project, ResultsOfOneOrAllRunsAndVariants) {
   EXPECT_EQ(project.ResultDir("evaluate", "@paper"), project.results() / "evaluate@paper");
   EXPECT_NO_THROW(CheckVariantName("paper-2"));
   for (const char* bad : {"", ".x", "a/b", "a@b"}) EXPECT_THROW(CheckVariantName(bad), OptionError) << bad;
+}
+
+TEST(ResultPart, HasANameThatIsReadBack) {
+  EXPECT_EQ(PartName({0, 1}), "");
+  EXPECT_EQ(PartName({3, 16}), "003of016");
+  EXPECT_EQ(PartName({7, 2048}), "007of2048");
+  for (const ResultPart part : {ResultPart{0, 1}, ResultPart{3, 16}, ResultPart{1999, 2048}}) {
+    const std::string name = PartName(part);
+    for (const auto& read : {ParsePartName(name), PartOfResult(name.empty() ? "references" : "references@" + name)}) {
+      ASSERT_TRUE(read) << name;
+      EXPECT_EQ(read->number, part.number);
+      EXPECT_EQ(read->count, part.count);
+    }
+  }
+  for (const char* none : {"000of000", "4of4", "3of16", "003of016x", "x", "016of016"})
+    EXPECT_FALSE(ParsePartName(none)) << none;
+  // A variant may be called so.
+  for (const char* other : {"survey@003of016", "references@", "references@paper", "references2", "references/003of016"})
+    EXPECT_FALSE(PartOfResult(other)) << other;
 }
 
 }  // namespace

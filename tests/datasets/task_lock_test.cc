@@ -107,6 +107,22 @@ TEST_F(TaskLockTest, AskingCreatesNothing) {
   EXPECT_FALSE(fs::exists(results_));
 }
 
+TEST_F(TaskLockTest, OneAtATimeHasABatch) {
+  const fs::path batch = folder_ / "sites-batch";
+  EXPECT_FALSE(BatchLock::Holder(batch));
+  EXPECT_FALSE(fs::exists(batch));
+  auto lock = std::make_unique<BatchLock>(batch);
+  ASSERT_TRUE(BatchLock::Holder(batch));
+  EXPECT_EQ(BatchLock::Holder(batch)->process, getpid());
+  EXPECT_THAT(MessageOf<IoError>([&] { const BatchLock second(batch); }),
+              AllOf(HasSubstr("batch " + batch.string() + " is in use by process " + std::to_string(getpid()) + " of "),
+                    HasSubstr("`trigpoint batch status` works meanwhile")));
+  const TaskLock task(results_, "gates", 0);  // tasks do not need it
+  lock.reset();
+  EXPECT_FALSE(BatchLock::Holder(batch));
+  const BatchLock again(batch);
+}
+
 TEST_F(TaskLockTest, AFolderThatCannotBeWrittenIsNamed) {
   folder_.Write("results", "a file");
   EXPECT_THAT(Refused("gates"), HasSubstr(results_.string()));

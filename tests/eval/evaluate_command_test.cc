@@ -1,14 +1,17 @@
 // evaluate, its gates, publish and compare as a user calls them, on a made site of nine stations and two runs.
 #include <gmock/gmock.h>
 
+#include <chrono>
 #include <cmath>
 #include <memory>
+#include <thread>
 
 #include "app/pipeline/stages.h"
 #include "calib/estimation/random.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
+#include "datasets/project/lock.h"
 #include "eval/errors/rotation_errors.h"
 #include "tests/e2e/program.h"
 
@@ -492,6 +495,90 @@ TEST(BatchCommand, KeepsFailuresApartAndGoesOn) {
   one_line(Trigpoint({"batch", "/nowhere"}), 1, "/nowhere");
   one_line(Trigpoint({"batch", file, "--memory", "much"}), 2, "4G");
   one_line(Trigpoint({"batch", sites[0]->dir() + "/none*"}), 1, "no folder matches");
+}
+
+// Who runs, submits or cancels the tasks of a batch keeps others out; tasks and `status` need no lock.
+TEST(BatchCommand, OneAtATimeHasTheFolder) {
+  const Site site;
+  site.Write("list.txt", site.dir() + "\n");
+  const std::string file = site.dir() + "/list.txt", out = site.dir() + "/out";
+  const Finished first = Trigpoint({"batch", file, "--out", out});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  auto lock = std::make_unique<BatchLock>(out);
+  const auto refused = [&](const std::vector<std::string>& words) {
+    const Finished f = Trigpoint(words);
+    EXPECT_EQ(f.exit_code, 1);
+    EXPECT_EQ(std::count(f.err.begin(), f.err.end(), '\n'), 1) << f.err;
+    EXPECT_THAT(f.err, HasSubstr("batch " + out + " is in use by process " + std::to_string(getpid())));
+  };
+  const std::string plan = site.Read("out/batch.json");
+  refused({"batch", file, "--out", out});
+  refused({"batch", "resume", out});
+  EXPECT_EQ(site.Read("out/batch.json"), plan);
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"batch", "status", out}, std::vector<std::string>{"batch", "task", out, "0"}}) {
+    const Finished f = Trigpoint(words);
+    EXPECT_EQ(f.exit_code, 0) << f.err;
+  }
+  // A batch on this machine is asked to stop.
+  std::thread runs([&] {
+    for (int i = 0; i < 600 && !fs::exists(out + "/cancel"); ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    lock.reset();
+  });
+  const Finished cancelled = Trigpoint({"batch", "cancel", out});
+  runs.join();
+  EXPECT_EQ(cancelled.exit_code, 0) << cancelled.err;
+  EXPECT_FALSE(fs::exists(out + "/cancel"));
+  // One that is being submitted is left alone.
+  json submitted = json::parse(plan);
+  submitted["settings"]["engine"] = "slurm";
+  site.Write("out/batch.json", submitted.dump());
+  lock = std::make_unique<BatchLock>(out);
+  refused({"batch", "cancel", out});
+  EXPECT_FALSE(fs::exists(out + "/cancel"));
+}
+
+// What the first command was given stays, unless `resume` is given another value.
+TEST(BatchCommand, ResumeKeepsTheSettings) {
+  const Site site;
+  site.Write("list.txt", site.dir() + "\n");
+  const std::string file = site.dir() + "/list.txt", out = site.dir() + "/out";
+  const auto settings = [&](const std::vector<std::string>& words) {
+    const Finished f = Trigpoint(words);
+    EXPECT_EQ(f.exit_code, 0) << f.err;
+    return json::parse(site.Read("out/batch.json"))["settings"];
+  };
+  json expected = {{"engine", "local"},   {"threads", 1},
+                   {"jobs", 2},           {"memory", "6G"},
+                   {"task_memory", "3G"}, {"task_minutes", 20.5},
+                   {"partition", "main"}, {"account", "survey"},
+                   {"container", ""},     {"sbatch", json::array({"--qos=low", "--hold"})}};
+  EXPECT_EQ(settings({"batch",
+                      file,
+                      "--out",
+                      out,
+                      "--threads",
+                      "1",
+                      "--jobs",
+                      "2",
+                      "--memory",
+                      "6G",
+                      "--task-memory",
+                      "3G",
+                      "--task-minutes",
+                      "20.5",
+                      "--partition",
+                      "main",
+                      "--account",
+                      "survey",
+                      "--sbatch=--qos=low",
+                      "--sbatch=--hold"}),
+            expected);
+  EXPECT_EQ(settings({"batch", "resume", out}), expected);
+  expected["jobs"] = 3;
+  expected["sbatch"] = json::array({"--qos=high"});
+  EXPECT_EQ(settings({"batch", "resume", out, "--jobs", "3", "--sbatch=--qos=high"}), expected);
 }
 
 TEST(BatchCommand, StopsWhatNeedsTooMuchMemory) {

@@ -7,6 +7,7 @@
 
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
+#include "eval/errors/compare.h"
 
 namespace trigpoint {
 namespace {
@@ -244,6 +245,15 @@ TEST(Evaluate, AnAnswerWithoutReferenceIsNoAttempt) {
   EXPECT_THAT(e.rows[2].reason, HasSubstr("elsewhere is not in stations.csv"));
   EXPECT_EQ(e.groups[0].attempts, 1);
   EXPECT_EQ(e.groups[0].unscored, 2);
+  // Nor is a refusal where no reference says where the station is, also where rows are compared.
+  scene.run.result.panoramas[0].status = "rejected";
+  const Evaluation refused = scene.Evaluate();
+  EXPECT_EQ(refused.rows[0].status, "rejected");
+  EXPECT_EQ(refused.groups[0].attempts, 1);
+  EXPECT_EQ(refused.groups[0].unscored, 1);
+  const std::vector<ComparedGroup> compared = CompareErrors(refused.rows, refused.rows);
+  ASSERT_EQ(compared.size(), 1u);
+  EXPECT_EQ(compared[0].a.attempts, 1);
 }
 
 TEST(Evaluate, G1SpeaksThroughItsViewWithTheMostInliers) {

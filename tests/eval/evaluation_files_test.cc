@@ -91,7 +91,7 @@ TEST_F(EvaluationFiles, WritesErrorsTablesAndSummary) {
                                 "error_h_m,error_v_m,de_m,dn_m,du_m,error_rot_deg,sigma_e_m,sigma_n_m,sigma_u_m,nees,"
                                 "dof,"));
   EXPECT_THAT(errors,
-              HasSubstr("r2,,single,B,\"pano, 1\",1,self,relative,rejected,too far,,,,,,,,,,,,,,,,,,,,,,,,yes,\n"));
+              HasSubstr("r2,,single,B,\"pano, 1\",1,self,relative,rejected,too far,,,,,,,,,,,,,,,,,,,,,,,,yes,,yes\n"));
   EXPECT_TRUE(fs::exists(dir_ / "table_single_self_relative.csv"));
   EXPECT_THAT(Read(dir_ / "tables.md"), HasSubstr("3 answers of 4 attempts"));
 
@@ -112,6 +112,23 @@ TEST_F(EvaluationFiles, WritesErrorsTablesAndSummary) {
   EXPECT_NEAR(*rows[0].error_3d_m, *evaluation.rows[0].error_3d_m, 1e-9);
   EXPECT_NEAR(rows[0].error_enu_m->x(), 0.25, 1e-9);
   EXPECT_FALSE(rows[3].error_3d_m);
+}
+
+TEST_F(EvaluationFiles, WhatIsNoAttemptIsReadBackAsNone) {
+  Evaluation evaluation = Example();
+  evaluation.rows[3].attempt = false;
+  WriteEvaluation(evaluation, dir_);
+  const std::vector<ErrorRow> rows = ReadErrors(dir_ / "errors.csv");
+  for (size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(rows[i].attempt, i != 3) << i;
+  // Older files name only the answers that are none.
+  const std::string header =
+      "run,variant,method,station,panorama,tag_id,reference,kind,status,reason,error_3d_m,error_h_m,error_v_m,de_m,"
+      "dn_m,du_m,error_rot_deg,sigma_e_m,sigma_n_m,sigma_u_m,nees,dof\n";
+  const std::vector<ErrorRow> old =
+      ReadErrors(Write("old.csv", header + "r1,,single,A,a.jpg,0,self,relative,rejected,,,,,,,,,,,,,\n" +
+                                      "r1,,single,B,b.jpg,1,self,relative,no_reference,,,,,,,,,,,,,\n"));
+  EXPECT_TRUE(old.at(0).attempt);
+  EXPECT_FALSE(old.at(1).attempt);
 }
 
 TEST_F(EvaluationFiles, ThePaperPrintsBesideOursOnRequest) {

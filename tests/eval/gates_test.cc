@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <set>
 
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
@@ -70,7 +71,7 @@ TEST(Gates, WhatWasNotEvaluatedIsUndecided) {
   EXPECT_EQ(JudgeEvaluation(e, "evaluate.max_median_m", 0.2).at(0).verdict, Verdict::kUndecided);
   // Each gate there is, held against empty results of every stage.
   std::vector<GateMeasure> measures = EvaluationMeasures({}, "", 0.95);
-  for (const auto& more : {SurveyMeasures({}, {}, 0.95), LocalizeMeasures("run1", {}, 0.95), EstimateMeasures({}),
+  for (const auto& more : {SurveyMeasures({}, {}, 0.95), LocalizeMeasures("run1", {}, 0.95), EstimateMeasures({}, ""),
                            StitchMeasures("set", {}), CalibrationMeasures("cam", {})}) {
     measures.insert(measures.end(), more.begin(), more.end());
   }
@@ -84,6 +85,20 @@ TEST(Gates, WhatWasNotEvaluatedIsUndecided) {
     EXPECT_EQ(r.verdict, counted ? Verdict::kFailed : Verdict::kUndecided) << r.message;
   }
   EXPECT_EQ(OverallVerdict({}), Verdict::kUndecided);
+}
+
+// The first evaluation shows the cameras of all variants beside each other; each variant has gates of its own.
+TEST(Gates, CamerasOfOtherVariantsAreNotJudged) {
+  json estimates = {{"estimates", json::array()}};
+  for (const char* system : {"trigpoint", "trigpoint@paper", "trigpoint@site", "slam"})
+    estimates["estimates"].push_back({{"system", system}, {"run", "run1"}, {"attempts", 10}, {"answers", 9}});
+  const auto judged = [&](const std::string& variant) {
+    std::set<std::string> subjects;
+    for (const GateMeasure& measure : EstimateMeasures(estimates, variant)) subjects.insert(measure.subject);
+    return subjects;
+  };
+  EXPECT_EQ(judged(""), (std::set<std::string>{"trigpoint on run1", "slam on run1"}));
+  EXPECT_EQ(judged("paper"), (std::set<std::string>{"trigpoint@paper on run1", "slam on run1"}));
 }
 
 TEST(Gates, AnsweredShareCountsStations) {

@@ -344,6 +344,10 @@
         <translation>1: Antwort und Referenz hängen von denselben Daten ab: Übereinstimmung, keine Genauigkeit</translation>
     </message>
     <message>
+        <source>whether the row is an attempt: the reference has the station&apos;s position</source>
+        <translation>ob die Zeile als Versuch zählt: die Referenz hat die Position der Station</translation>
+    </message>
+    <message>
         <source>error in space</source>
         <translation>räumlicher Fehler</translation>
     </message>

@@ -353,6 +353,27 @@ TEST_F(ReportTest, VariantsSideBySideKeepTheirNames) {
   EXPECT_THAT(site_.Read("out/tables/worst_cells.csv"), HasSubstr("S1,p1.jpg,run1@paper,panorama (G2)"));
 }
 
+TEST_F(ReportTest, SharedEvidenceHasItsOwnCurvesOfConsistency) {
+  WriteResults();
+  std::string header = kErrorHeader;
+  header.insert(header.size() - 1, ",shares_evidence");
+  site_.Write("results/evaluate/errors.csv",
+              header +
+                  "run1,,single,S1,p1.jpg,1,control,absolute,localized,,0.1,0.1,0,0.1,0,0,,0.1,0.1,0.1,1,3,no\n"
+                  "run1,,single,S2,p2.jpg,2,control,absolute,localized,,0.2,0.2,0,0.2,0,0,,0.1,0.1,0.1,4,3,yes\n");
+  site_.Write("results/evaluate/coverage_risk.csv",
+              "variant,method,reference,kind,shares_evidence,coverage,depth_sigma_m,median_m,p90_m,max_m\n"
+              ",single,control,absolute,no,1,0.1,0.1,0.1,0.1\n,single,control,absolute,yes,1,0.1,0.2,0.2,0.2\n");
+  const std::string html = Report();
+  const std::string independent = "panorama (G2) against surveyed control, absolute",
+                    shared = independent + ", shared evidence";
+  for (const std::string& name : {independent, shared}) {
+    EXPECT_THAT(html, HasSubstr(">" + name + " (n = 1)<"));  // of the histogram
+    EXPECT_THAT(html, HasSubstr(">" + name + "<"));          // of the trust curve and of coverage and risk
+  }
+  EXPECT_THAT(html, Not(HasSubstr("(n = 2)<")));
+}
+
 TEST_F(ReportTest, HostileNamesStayText) {
   WriteResults();
   const std::string evil = "<img src=x onerror=alert(1)>";
