@@ -120,6 +120,7 @@ void WaitForSlurm(const Session& session, const BatchPlan& plan) {
 // Runs or submits the tasks of a plan that are not done. `lock`: of the folder, until they are.
 int Execute(const Session& session, const fs::path& folder, const BatchPlan& plan, bool wait,
             std::unique_ptr<BatchLock> lock) {
+  WriteSummary(session, folder, plan);  // first of all: by its summary.json a folder is known as a batch's
   WriteBatchPlan(plan, folder);
   if (plan.settings.engine == "slurm") {
     const size_t arrays = SubmitToSlurm(folder, plan);
@@ -133,7 +134,6 @@ int Execute(const Session& session, const fs::path& folder, const BatchPlan& pla
                 "Submitted " + Counted(static_cast<int64_t>(arrays), "array job", "array jobs") + " to Slurm",
                 Command("status", folder));
   }
-  WriteSummary(session, folder, plan);
   try {
     RunBatchLocally(session, folder, plan);
   } catch (const Cancelled&) {
@@ -192,7 +192,9 @@ int Resume(const Session& session, const BatchArguments& arguments, const fs::pa
 
 // Asks the process that runs the batch, on this machine or another one, to stop, until it has.
 void StopLocalRun(const Session& session, const fs::path& folder) {
-  constexpr int kTries = 300, kPause_ms = 100;  // 30 s: it gives its tasks 20 s before it kills them
+  // 90 s: NFS may show the file to another machine a minute late (acdirmax), and tasks have 20 s before they are
+  // killed.
+  constexpr int kTries = 900, kPause_ms = 100;
   for (int i = 0; i < kTries && BatchLock::Holder(folder); ++i) {
     session.cancel->ThrowIfCancelled();
     WriteFileAtomically(folder / kCancelFile, "");  // each time: a run that begins takes away an older one

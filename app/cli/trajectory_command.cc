@@ -43,7 +43,7 @@ bool IsGps(const fs::path& file) {
 
 // Whose GPS track the reference is.
 struct TrackedRun {
-  Eigen::Vector3d lever_arm_m;  // antenna in the body frame
+  std::optional<Eigen::Vector3d> lever_arm_m;  // antenna in the body frame; unset: the command line states it
   std::vector<BodyCamera> cameras;
 };
 
@@ -70,8 +70,10 @@ const BodyCamera* CameraOf(const std::string& file, const std::vector<BodyCamera
 void ReferToBody(const TrackedRun& run, const std::string& file, PoseSequence* estimate,
                  AssociationOptions* association) {
   const BodyCamera* camera = CameraOf(file, run.cameras);
-  association->estimate_body_from_reference_body.translation =
-      camera != nullptr ? camera->cam_from_body * run.lever_arm_m : run.lever_arm_m;
+  if (run.lever_arm_m) {
+    association->estimate_body_from_reference_body.translation =
+        camera != nullptr ? camera->cam_from_body * *run.lever_arm_m : *run.lever_arm_m;
+  }
   if (camera == nullptr) return;
   for (int64_t& stamp : estimate->stamps_ns) stamp = BodyStamp(stamp, *camera);
 }
@@ -88,7 +90,8 @@ PoseSequence ReadGps(const fs::path& file, const TrajectoryArguments& arguments,
     clock = {run.config.time_zero_utc_ns, run.config.date};
     offset_ns = std::llround(run.config.gps_time_offset_s * 1e9);
     if (project.has_frame()) frame = project.frame();
-    if (arguments.lever_arm.empty()) *of = TrackedRun{run.config.gps_lever_arm_m, run.cameras};
+    *of = TrackedRun{std::nullopt, run.cameras};
+    if (arguments.lever_arm.empty()) (*of)->lever_arm_m = run.config.gps_lever_arm_m;
   }
   if (!arguments.time_zero.empty()) {
     clock.time_zero_utc_ns = ParseUtcToNs(arguments.time_zero);

@@ -149,6 +149,25 @@ void RequireArms(const Run& run, const LocalizeInput& input, const Reconstructio
       (run.dir / "camchain.yaml").string(), arm.norm()));
 }
 
+// Refuses odometry that contradicts every pair of images. Few pairs, whose motions are near the right ones, tell
+// nothing of its noise and pass the check before; but a run of which no pair agrees rests on odometry alone.
+void RequireAgreement(const Run& run, const LocalizeInput& input, const RunReconstruction& result) {
+  constexpr int kLeast = 3;  // two pairs may both be wrong by a repeated facade
+  if (result.pairs_joined > 0) return;
+  const std::vector<int> moments = MomentsOfPoses(input);
+  const auto moment = [&](int image) {
+    return moments[static_cast<size_t>(input.images[static_cast<size_t>(image)].pose)];
+  };
+  int contradicting = 0;  // of consecutive images
+  for (const ImagePair& pair : result.pairs_rejected) contradicting += std::abs(moment(pair.b) - moment(pair.a)) == 1;
+  if (contradicting < kLeast || 2 * contradicting < moments.back()) return;
+  throw InputError(fmt::format(
+      "{}: contradicts the images: of {} steps from image to image, {} are clear by their matches, and odometry agrees "
+      "with none of them within its noise. Check its time (odometry: time_offset_s in run.yaml), that it is of this "
+      "run, and T_cam_imu. Option check_conventions=false skips this check",
+      (run.dir / "odometry.tum").string(), moments.back(), contradicting));
+}
+
 // Refuses a calibration that the images contradict.
 void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run, StageContext& context) {
   LensCheck check;
@@ -292,6 +311,7 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
                         ? ReconstructOnce(options, mode, target, run, context, &result)
                         : ReconstructWithItsCameras(options, mode, target, run, context, &result);
   if (!calibrated && check(job)) job = ReconstructWithItsCameras(options, mode, target, run, context, &result);
+  if (options.check_conventions && job.input.has_odometry) RequireAgreement(run, job.input, result);
   if (calibrated && options.check_conventions && mode != "paper") {
     RequireCalibration(job.input, result, context);
     if (job.input.has_odometry) HeedCalibration(options, target, as_read, context, &job, &result);

@@ -78,6 +78,7 @@ std::vector<std::filesystem::path> ReferenceManifests(const Project& project) {
 }
 
 void RemoveFormerParts(const Project& project, ProgressSink& progress) {
+  if (project.site().references.empty()) return;
   const std::string stage = "references";
   std::set<std::string> present;
   for (const std::filesystem::path& result : ReferenceResults(project)) {

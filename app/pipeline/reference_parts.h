@@ -39,8 +39,8 @@ std::vector<std::filesystem::path> ReferenceResults(const Project& project);
 std::vector<std::filesystem::path> ReferenceManifests(const Project& project);
 
 // Removes the parts of a former number of parts once all of the present ones are there: until then, features are taken
-// over from them. A folder that holds more than the stage wrote stays, with a warning. The caller has the project's
-// lock.
+// over from them. Nothing goes while the site has no reference: its pictures may be on a disk that is not mounted. A
+// folder that holds more than the stage wrote stays, with a warning. The caller has the project's lock.
 void RemoveFormerParts(const Project& project, ProgressSink& progress);
 
 }  // namespace trigpoint

@@ -217,7 +217,7 @@ void AddStations(const Project& project, const std::optional<LocalFrame>& enu, c
   stations.sightings = ReadTotalStation(file, &job->warnings);
   if (stations.sightings.empty()) return;
   stations.known = NetworkControl(project);
-  stations.level_from_world = LevelFromWorld(stations.known, enu);
+  stations.level_from_world = LevelFromWorld(stations.known, stations.sightings, enu);
   stations.network = AdjustNetwork(stations.sightings, stations.known, cancel, stations.level_from_world);
   const StationNetwork& network = stations.network;
   job->warnings.insert(job->warnings.end(), network.warnings.begin(), network.warnings.end());

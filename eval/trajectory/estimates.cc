@@ -136,7 +136,7 @@ class PairSource {
 // Errors near in time are no independent evidence: blocks are resampled. What the reference is off by may be in the
 // estimate, too (both may rest on the same geotags): only the lower end is without it.
 void AddOwnInterval(const std::vector<Pair>& pairs, const EstimateScoreOptions& options, EstimateReport* report) {
-  std::vector<std::pair<double, double>> blocks;  // sum of squares less the reference's variance; number
+  std::vector<std::pair<double, double>> blocks;  // sum of squares; number
   double reference_variance = 0;
   int64_t begin = 0;
   for (const Pair& p : pairs) {

@@ -488,7 +488,8 @@ struct OtherScale {
         "the geotags agree with each other only if true lengths are {:.4g} +- {:.2g} times those of odometry, which "
         "its scale_sigma of {:g} does not allow{}enter a larger odometry: scale_sigma in run.yaml",
         factor, sigma, stated_sigma,
-        unit.empty() ? "; " : ": it seems to be in " + unit + "; convert its positions to metres, or ");
+        unit.empty() ? "; check odometry for a jump, slip or another unit, or "
+                     : ": it seems to be in " + unit + "; convert its positions to metres, or ");
   }
 };
 

@@ -39,7 +39,7 @@ std::vector<double> PathToImages(const LocalizeInput& input, const std::vector<R
 }
 
 std::vector<int> MomentsOfPoses(const LocalizeInput& input) {
-  constexpr double kPart = 0.25;  // of the time between images of a camera
+  constexpr double kPart = 0.2;  // of the time between images of a camera: four cameras that take turns stay apart
   const std::vector<int> next = NextOfCamera(input);
   const auto pose = [&](size_t image) { return static_cast<size_t>(input.images[image].pose); };
   std::vector<double> intervals_ns;

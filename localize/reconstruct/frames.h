@@ -72,7 +72,7 @@ double MedianStep(const LocalizeInput& input);
 std::vector<double> PathToImages(const LocalizeInput& input, const std::vector<Rigid3d>& body_from_odom);
 
 // The moment of each body pose, counted from 0. Poses of one moment belong to different cameras and lie within a
-// quarter of the median time between images of a camera; up to four cameras that take turns evenly have moments of
+// fifth of the median time between images of a camera; up to four cameras that take turns evenly have moments of
 // their own.
 std::vector<int> MomentsOfPoses(const LocalizeInput& input);
 

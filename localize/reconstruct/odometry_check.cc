@@ -321,7 +321,7 @@ bool IsShownWell(const std::vector<Rigid3d>& poses, const MeasuredMotion& m, con
          });
 }
 
-// The poses between which odometry jumps: all motions that contradict it span that step, or begin or end at the one
+// The poses between which odometry jumps: all motions that contradict it span these, or begin or end at the one
 // moment that is wrong, and the others agree (with a wrong lens model they do not, though one place stands out). A
 // single one must be shown well. One moment must stand out by its steps, too: else its image is of another. Nothing
 // where they say no such thing.
@@ -353,9 +353,14 @@ std::optional<std::pair<int, int>> FindBrokenPlace(const LocalizeInput& input,
            JudgeReadings(poses, apart, {PoseReadings().front()}).kind != ReadingVerdict::Kind::kContradicted;
   };
   const int last = static_cast<int>(poses.size()) - 1;
+  const auto may_jump_after = [&](int k) {
+    return explains([k](const MeasuredMotion& m) { return std::min(m.a, m.b) <= k && std::max(m.a, m.b) > k; });
+  };
   for (int k = 0; k < last; ++k) {
-    const auto spans = [k](const MeasuredMotion& m) { return std::min(m.a, m.b) <= k && std::max(m.a, m.b) > k; };
-    if (explains(spans)) return std::pair(k, k + 1);
+    if (!may_jump_after(k)) continue;
+    int end = k + 1;  // which one of several steps it is no motion tells
+    while (end < last && may_jump_after(end)) ++end;
+    return std::pair(k, end);
   }
   const std::vector<int> moments = MomentsOfPoses(input);
   const auto moment = [&](int pose) { return moments[static_cast<size_t>(pose)]; };

@@ -420,6 +420,8 @@ class MomentsBetween {
  public:
   explicit MomentsBetween(const LocalizeInput& input) : input_(input), moments_(MomentsOfPoses(input)) {}
   int operator()(const ImagePair& pair) const { return std::abs(MomentOf(pair.b) - MomentOf(pair.a)); }
+  // From one moment of the run to the next, in all.
+  size_t steps() const { return moments_.empty() ? 0 : static_cast<size_t>(moments_.back()); }
 
  private:
   int MomentOf(int image) const {
@@ -462,9 +464,9 @@ std::optional<OdometryNoise> NoiseByImages(const LocalizeInput& input, const std
                                            int threads, uint64_t seed, const CancelToken& cancel) {
   const MomentsBetween apart(input);
   const auto is_neighbour = [&](const ImagePair& pair) { return apart(pair) == 1; };
-  // Video has few pairs of neighbours left, since tracks connect them: its other pairs are not verified for this.
+  // Long video has few pairs of neighbours left, since tracks connect them: its other pairs are not verified for this.
   const auto neighbours = static_cast<size_t>(std::count_if(pairs.begin(), pairs.end(), is_neighbour));
-  if (neighbours < std::min(kLeastErrors, odometry.size())) return std::nullopt;
+  if (neighbours < std::min(kLeastErrors, apart.steps())) return std::nullopt;
   ProgressSink silent;
   std::vector<ViewEdge> edges = VerifyPairs(input, pairs, options, threads, seed, silent, cancel);
   const std::vector<Triangles> triangles = CountTriangles(edges);
@@ -481,7 +483,7 @@ std::optional<OdometryNoise> NoiseByImages(const LocalizeInput& input, const std
     std::erase_if(confirmed, [&](const ViewEdge& e) { return !is_neighbour(e.pair); });
   }
   if (confirmed.size() < kLeastErrors) return std::nullopt;
-  const size_t independent = std::min(confirmed.size(), odometry.size());
+  const size_t independent = std::min(confirmed.size(), apart.steps());
   const OdometryNoise both = MatchingNoise(input, odometry, confirmed, false, options, threads, cancel);
   if (both.rotation * both.rotation < 1 + Chance(independent)) return std::nullopt;
   OdometryNoise parts = MatchingNoise(input, odometry, confirmed, true, options, threads, cancel);

@@ -70,7 +70,7 @@ void WriteTags(const std::filesystem::path& file, const std::vector<TagEstimate>
                  "sigma_ry_deg", "sigma_rz_deg", "images", "runs",      "rms_px",    "role",      "status"},
                 {Comment("tags", frame, datum)});
   for (const TagEstimate& tag : tags) {
-    csv.Integer(tag.tag_id).Text(tag.family).Number(tag.size_m, 4);
+    csv.Integer(tag.tag_id).Text(tag.family).Number(tag.size_m, 6);
     if (tag.HasPose()) {
       const Rigid3d& t = *tag.world_from_tag;
       for (int i = 0; i < 3; ++i) csv.Number(t.translation[i], 6);

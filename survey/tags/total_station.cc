@@ -476,9 +476,18 @@ class Network {
 
 }  // namespace
 
-Rigid3d LevelFromWorld(const std::vector<NetworkPoint>& known, const std::optional<LocalFrame>& enu) {
+Rigid3d LevelFromWorld(const std::vector<NetworkPoint>& known, const std::vector<StationSighting>& sightings,
+                       const std::optional<LocalFrame>& enu) {
+  // A tower that is read for its direction alone, or a point that nobody reads, may be kilometres away.
+  std::vector<NetworkPoint> near = known;
+  std::erase_if(near, [&](const NetworkPoint& p) {
+    return std::none_of(sightings.begin(), sightings.end(), [&](const StationSighting& s) {
+      return s.setup == p.name || (s.target == p.name && s.distance_m);
+    });
+  });
+  if (near.empty()) near = known;
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const NetworkPoint& p : known) middle += p.position / static_cast<double>(known.size());
+  for (const NetworkPoint& p : near) middle += p.position / static_cast<double>(near.size());
   if (!enu) return {Eigen::Quaterniond::Identity(), -middle};
   const LocalFrame here(enu->GeodeticFromEnu(middle));
   const Eigen::Quaterniond turn(Eigen::Matrix3d(here.EcefFromEnuRotation().transpose() * enu->EcefFromEnuRotation()));

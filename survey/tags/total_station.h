@@ -108,9 +108,11 @@ class AboveCost final : public ceres::SizedCostFunction<3, 3, 3> {
 // total_station.csv (docs/file_formats.md). Unusable rows are skipped and named. Throws IoError, InputError.
 std::vector<StationSighting> ReadTotalStation(const std::filesystem::path& file, std::vector<std::string>* warnings);
 
-// A level frame in the middle of the known points. `enu`: world's frame; its ellipsoid's normal in the middle is
-// vertical there. Unset: world is a frame of the surveyor's own, and its z axis is taken for the vertical there.
-Rigid3d LevelFromWorld(const std::vector<NetworkPoint>& known, const std::optional<LocalFrame>& enu);
+// A level frame in the middle of the known points that a set-up stands on or has a distance to; without such, of all.
+// `enu`: world's frame; its ellipsoid's normal in the middle is vertical there. Unset: world is a frame of the
+// surveyor's own, and its z axis is taken for the vertical there.
+Rigid3d LevelFromWorld(const std::vector<NetworkPoint>& known, const std::vector<StationSighting>& sightings,
+                       const std::optional<LocalFrame>& enu);
 
 // Least squares over set-ups, orientations and points; gauge: `known`, as well as they are known. Set-ups are placed
 // from points known so far (a known point of the set-up's name is where it stands) by two of these with distances at

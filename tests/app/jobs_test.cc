@@ -250,7 +250,11 @@ TEST_F(JobsTest, PartsOfAFormerNumberGoWhenThePresentOnesAreThere) {
   const auto there = [&](const std::string& file) {
     return std::filesystem::exists(folder_ / ("results/references" + file));
   };
-  RemoveFormerParts(project_, progress_);
+  folder_.Write("panoramas.csv", "file,station,latitude_deg,longitude_deg,height_m\np1.jpg,S1,48.0001,7.8001,241\n");
+  folder_.Write("p1.jpg", "a picture");
+  const Project project = Project::Open(folder_.dir());
+  ASSERT_EQ(project.site().references.size(), 1u);
+  RemoveFormerParts(project, progress_);
   EXPECT_TRUE(there("@000of002/features.db"));
   class Sink : public ProgressSink {
    public:
@@ -262,8 +266,12 @@ TEST_F(JobsTest, PartsOfAFormerNumberGoWhenThePresentOnesAreThere) {
   const StageInfo references = ToyStage("references", {}, false, false);
   jobs_.clear();
   jobs_.push_back({&references, {}});
-  RunJobs(project_, jobs_, 1, 1, sink, cancel_);
+  // Opened before the panorama was there, as if its disk were not mounted.
+  ASSERT_TRUE(project_.site().references.empty());
+  RunJobs(project_, jobs_, 1, 1, progress_, cancel_);
   EXPECT_TRUE(there("/manifest.json"));
+  EXPECT_TRUE(there("@000of002/features.db"));
+  RunJobs(project, jobs_, 1, 1, sink, cancel_);
   EXPECT_FALSE(there("@000of002"));
   // What a person put there stays, and is named.
   for (const char* file : {"@001of002/notes.txt", "@001of002/features.db", "@000of004/notes.txt"})

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <memory>
 #include <thread>
 
@@ -537,6 +538,20 @@ TEST(BatchCommand, OneAtATimeHasTheFolder) {
   lock = std::make_unique<BatchLock>(out);
   refused({"batch", "cancel", out});
   EXPECT_FALSE(fs::exists(out + "/cancel"));
+}
+
+// Its folder is a batch's, although no task ever ran there.
+TEST(BatchCommand, ASubmissionThatFailedCanBeTriedAgain) {
+  const Site site;
+  site.Write("list.txt", site.dir() + "\n");
+  const std::string file = site.dir() + "/list.txt", out = site.dir() + "/out", path = std::getenv("PATH");
+  ASSERT_EQ(setenv("PATH", site.dir().c_str(), 1), 0);  // no Slurm there
+  const Finished failed = Trigpoint({"batch", file, "--out", out, "--engine", "slurm"});
+  ASSERT_EQ(setenv("PATH", path.c_str(), 1), 0);
+  EXPECT_EQ(failed.exit_code, 1);
+  EXPECT_THAT(failed.err, HasSubstr("not found in PATH"));
+  const Finished again = Trigpoint({"batch", file, "--out", out});
+  EXPECT_EQ(again.exit_code, 0) << again.err;
 }
 
 // What the first command was given stays, unless `resume` is given another value.

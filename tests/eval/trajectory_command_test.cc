@@ -156,8 +156,12 @@ TEST_F(TrajectoryCommand, TheAntennaOfARunIsOnItsBody) {
         {std::string("trigpoint trajectory 1; frame=enu; datum=gps; pose=") + of, "timestamp tx ty tz qx qy qz qw"});
     EXPECT_LT(worst((dir_ / "cameras.tum").string()), 1e-3) << of;
   }
-  // An arm on the command line counts in the estimate's own axes.
+  // An arm on the command line counts in the estimate's own axes; the camera's clock is the same.
   EXPECT_LT(worst(body, {"--lever-arm", "0.3", "-0.2", "1.5"}), 1e-3);
+  const Eigen::Vector3d in_cam1 = cameras[1].cam_from_body * antenna;
+  EXPECT_LT(worst((dir_ / "cameras.tum").string(), {"--lever-arm", std::to_string(in_cam1.x()),
+                                                    std::to_string(in_cam1.y()), std::to_string(in_cam1.z())}),
+            1e-3);
   EXPECT_GT(worst(body, {"--lever-arm", "0", "0", "0"}), 1.4);
 }
 

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
+
 #include "localize/reconstruct/camera_mount.h"
 #include "localize/reconstruct/odometry_clock.h"
 #include "localize/reconstruct/odometry_drift.h"
@@ -100,6 +102,28 @@ TEST(OdometryCheck, NamesTheJumpOfAShortRun) {
     const Rigid3d turned = good[middle] * Rigid3d(ExpSO3({0, 0, 1}), Eigen::Vector3d::Zero()) * good[middle].Inverse();
     for (size_t k = middle; k < poses.size(); ++k) poses[k] = turned * poses[k];
     EXPECT_NE(ContradictionOf(drive).find("jumps between"), std::string::npos) << seed << ContradictionOf(drive);
+  }
+}
+
+// Images on both sides of the jump that show nothing: it lies anywhere between those around them.
+TEST(OdometryCheck, NamesAllStepsThatMayBeTheJump) {
+  for (uint64_t seed = 1; seed <= 3; ++seed) {
+    Drive drive = MakeDrive(0.25, seed, 1.0);
+    std::vector<Rigid3d>& poses = drive.input.odom_from_body;
+    const size_t middle = poses.size() / 2;
+    const Eigen::Vector3d aside = poses[middle].rotation * Eigen::Vector3d(0, 2, 0);
+    for (size_t k = middle; k < poses.size(); ++k) poses[k].translation += aside;
+    Random random(seed);
+    for (const size_t blind : {middle - 1, middle}) random.Shuffle(drive.seen[blind].features.points);
+    const auto second = [&](size_t pose) { return 1e-9 * static_cast<double>(drive.input.pose_stamps[pose]); };
+    const std::string found = ContradictionOf(drive);
+    double from = 0, to = 0, moved = 0;
+    const size_t at = found.find("jumps between");
+    ASSERT_NE(at, std::string::npos) << seed << found;
+    ASSERT_EQ(std::sscanf(found.c_str() + at, "jumps between %lf and %lf s: it moves %lf m", &from, &to, &moved), 3);
+    EXPECT_NEAR(from, second(middle - 2), 1e-3) << seed;
+    EXPECT_NEAR(to, second(middle + 1), 1e-3) << seed;
+    EXPECT_NEAR(moved, (poses[middle].translation - poses[middle - 1].translation).norm(), 0.01) << seed;
   }
 }
 

@@ -640,7 +640,7 @@ TEST(TagMap, ReadingsHoldTheMapWhereverItsCoordinatesBegin) {
   for (SurveyPoint& p : there.input.points) p.world_m += grid;
   for (Yard* yard : {&here, &there}) {
     SurveyStations& s = *yard->input.stations;
-    s.level_from_world = LevelFromWorld(s.known, std::nullopt);
+    s.level_from_world = LevelFromWorld(s.known, s.sightings, std::nullopt);
     s.network = AdjustNetwork(s.sightings, s.known, {}, s.level_from_world);
   }
   const SurveyResult one = Survey(here.input), two = Survey(there.input);

@@ -6,6 +6,7 @@
 
 #include "calib/base/error.h"
 #include "calib/estimation/random.h"
+#include "datasets/io/csv.h"
 #include "survey/tags/planar_pose.h"
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_poses.h"
@@ -289,6 +290,19 @@ TEST(TagFiles, DetectionsReadBack) {
       EXPECT_LT((back[i].detections[0].corners[k] - images[i].detections[0].corners[k]).norm(), 1e-3);
     }
   }
+}
+
+// Whoever uses the poses takes the size with them: of 1 1/4 in, tenths of a millimetre would be 0.16 % off.
+TEST(TagFiles, SizesAreWrittenAsFineAsPositions) {
+  TagEstimate tag;
+  tag.tag_id = 3;
+  tag.size_m = 1.25 * 0.0254;
+  const std::filesystem::path file = std::filesystem::temp_directory_path() / "trigpoint_tags_test.csv";
+  WriteTags(file, {tag}, "enu", "control");
+  const CsvTable table = CsvTable::Read(file, {"tag_id", "size_m"});
+  std::filesystem::remove(file);
+  ASSERT_EQ(table.rows().size(), 1U);
+  EXPECT_NEAR(table.rows()[0].Number("size_m"), tag.size_m, 5.1e-7);
 }
 
 }  // namespace

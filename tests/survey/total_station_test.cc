@@ -184,8 +184,10 @@ TEST(StationNetwork, CoordinatesOfTheSurveyorsOwnMayBeginAnywhere) {
   const Site site = MakeSite(11);
   const Rigid3d grid(Eigen::Quaterniond::Identity(), {512'000, 5'321'000, 310});
   const std::vector<NetworkPoint> far = Moved(site.known, grid);
-  const StationNetwork here = AdjustNetwork(site.sightings, site.known, {}, LevelFromWorld(site.known, std::nullopt));
-  const StationNetwork there = AdjustNetwork(site.sightings, far, {}, LevelFromWorld(far, std::nullopt));
+  const auto adjusted = [&](const std::vector<NetworkPoint>& known) {
+    return AdjustNetwork(site.sightings, known, {}, LevelFromWorld(known, site.sightings, std::nullopt));
+  };
+  const StationNetwork here = adjusted(site.known), there = adjusted(far);
   EXPECT_THAT(here.warnings, SizeIs(0));
   ExpectTheSameNetwork(here, there, grid);
 }
@@ -203,10 +205,29 @@ TEST(StationNetwork, AnOriginFarAwayTurnsTheVertical) {
       (far_from_near * Eigen::Vector3d(10, 20, 3) - far.EnuFromGeodetic(near.GeodeticFromEnu({10, 20, 3}))).norm(),
       1e-6);
   const std::vector<NetworkPoint> known = Moved(site.known, far_from_near);
-  const StationNetwork here = AdjustNetwork(site.sightings, site.known, {}, LevelFromWorld(site.known, near));
-  const StationNetwork there = AdjustNetwork(site.sightings, known, {}, LevelFromWorld(known, far));
+  const StationNetwork here =
+      AdjustNetwork(site.sightings, site.known, {}, LevelFromWorld(site.known, site.sightings, near));
+  const StationNetwork there = AdjustNetwork(site.sightings, known, {}, LevelFromWorld(known, site.sightings, far));
   EXPECT_THAT(here.warnings, SizeIs(0));
   ExpectTheSameNetwork(here, there, far_from_near);
+}
+
+// A tower 6 km away that orients the circle: were the frame level half way to it, the site's vertical would lean.
+TEST(StationNetwork, TheVerticalIsThatOfTheSiteNotOfAFarTarget) {
+  Site site = MakeSite(13);
+  site.known.push_back({"tower", {3600, 4800, 90}, kKnown_m, kKnown_m});
+  StationSighting s = site.sightings.front();
+  s.target = "tower";
+  s.distance_m.reset();
+  site.sightings.push_back(s);
+  // The instrument stands on A and measures the distance to B; church and tower are read for their angles alone.
+  const Eigen::Vector3d middle = 0.5 * (site.known[0].position + site.known[1].position);
+  EXPECT_LT((LevelFromWorld(site.known, site.sightings, std::nullopt) * middle).norm(), 1e-9);
+  // Nothing is known to be near.
+  for (StationSighting& each : site.sightings) each.setup = "free", each.distance_m.reset();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const NetworkPoint& p : site.known) sum += p.position;
+  EXPECT_LT((LevelFromWorld(site.known, site.sightings, std::nullopt) * Eigen::Vector3d(sum / 4)).norm(), 1e-9);
 }
 
 TEST(StationNetwork, BlundersAreNamed) {
