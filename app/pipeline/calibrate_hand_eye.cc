@@ -8,9 +8,9 @@
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/calibration/calibrate_files.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
-#include "survey/tags/tag_files.h"
 
 namespace trigpoint {
 namespace {
@@ -35,23 +35,36 @@ std::vector<HandEyeSight> Sights(const Project& project, const Run& run, const B
                                  ProgressSink& progress) {
   const TagSizes& sizes = project.site().tags;
   std::vector<std::string> warnings;
-  std::vector<HandEyeSight> sights;
   int without_odometry = 0;
   std::vector<ImageDetections> images = ReadDetections(DetectionsOf(project, run), 0.5, &warnings);
   MoveToImageTimes(run, sizes, &images);
+  std::vector<HandEyeSight> sights = HandEyeSights(run, camera, sizes, images, &without_odometry);
+  for (const std::string& warning : warnings) progress.Log(LogLevel::kWarning, warning);
+  if (without_odometry > 0) {
+    progress.Log(LogLevel::kWarning, Counted(without_odometry, "picture") + " with tags: no odometry at that time");
+  }
+  return sights;
+}
+
+}  // namespace
+
+std::vector<HandEyeSight> HandEyeSights(const Run& run, const BodyCamera& camera, const TagSizes& sizes,
+                                        const std::vector<ImageDetections>& images, int* without_odometry) {
+  std::vector<HandEyeSight> sights;
   for (const ImageDetections& image : images) {
     if (image.camera != camera.name) continue;
-    const std::optional<Rigid3d> pose = run.odometry.At(image.stamp_ns, kMaxGapNs);
-    without_odometry += !pose;
+    const int64_t stamp = BodyStamp(image.stamp_ns, camera);
+    const std::optional<Rigid3d> pose = run.odometry.At(stamp, kMaxGapNs);
+    *without_odometry += !pose;
     if (!pose) continue;
     for (const TagDetection& tag : image.detections) {
       const double size = sizes.SizeOf(tag.id);
       if (size <= 0) {
-        throw InputError((project.dir() / "tags.yaml").string() + ": the size of tag " + std::to_string(tag.id) +
+        throw InputError("tags.yaml: the size of tag " + std::to_string(tag.id) +
                          " is missing (size_m); it gives the scale of the camera's position");
       }
       HandEyeSight sight;
-      sight.stamp_ns = image.stamp_ns;
+      sight.stamp_ns = stamp;
       sight.tag_id = tag.id;
       sight.odom_from_body = *pose;
       for (int k = 0; k < 4; ++k) {
@@ -61,14 +74,8 @@ std::vector<HandEyeSight> Sights(const Project& project, const Run& run, const B
       sights.push_back(sight);
     }
   }
-  for (const std::string& warning : warnings) progress.Log(LogLevel::kWarning, warning);
-  if (without_odometry > 0) {
-    progress.Log(LogLevel::kWarning, Counted(without_odometry, "picture") + " with tags: no odometry at that time");
-  }
   return sights;
 }
-
-}  // namespace
 
 std::vector<fs::path> HandEyeInputs(const Project& project, const std::string& name) {
   const Run& run = project.run(name);

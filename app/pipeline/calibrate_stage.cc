@@ -321,6 +321,7 @@ StageInfo CalibrateStage() {
     request.version = 2;
     request.options = JsonFromOptions(options);
     if (!options.hand_eye.empty()) {
+      request.version = 3;
       request.inputs = HandEyeInputs(project, options.hand_eye);
       request.body = [options](StageContext& context) {
         CalibrateHandEyeOfRun(options.hand_eye, options.hand_eye_options, context);

@@ -3,61 +3,75 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-#include <optional>
+#include <cstdlib>
+#include <map>
 #include <set>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "datasets/io/camchain.h"
+#include "datasets/io/image.h"
 #include "datasets/io/trajectory.h"
 
 namespace trigpoint {
 namespace {
 
-// Root mean square distance from their mean.
-double Spread(const std::vector<Eigen::Vector3d>& places) {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& p : places) mean += p / static_cast<double>(places.size());
-  double sum = 0;
-  for (const Eigen::Vector3d& p : places) sum += (p - mean).squaredNorm();
-  return std::sqrt(sum / static_cast<double>(places.size()));
+// Median distance from the middle, in plan: heights of fixes are the noisiest.
+double ReachOf(const std::vector<Eigen::Vector2d>& places) {
+  std::vector<double> x, y, distances;
+  for (const Eigen::Vector2d& p : places) x.push_back(p.x()), y.push_back(p.y());
+  const Eigen::Vector2d middle(Median(std::move(x)), Median(std::move(y)));
+  for (const Eigen::Vector2d& p : places) distances.push_back((p - middle).norm());
+  return Median(std::move(distances));
 }
 
-// True over found length, where GPS shows more than its own noise.
-std::optional<double> LengthByGps(const Run& run, const std::vector<TimedPose>& motion) {
-  constexpr int64_t kSameTimeNs = 300'000'000;
-  if (run.gps.empty()) return {};
-  const LocalFrame frame(run.gps.front().position);
-  std::vector<Eigen::Vector3d> found, said;
-  double sigma = 0;
-  for (const GpsFix& fix : run.gps) {
-    const auto near = std::min_element(motion.begin(), motion.end(), [&](const TimedPose& a, const TimedPose& b) {
-      return std::llabs(a.stamp_ns - fix.stamp_ns) < std::llabs(b.stamp_ns - fix.stamp_ns);
-    });
-    if (near == motion.end() || std::llabs(near->stamp_ns - fix.stamp_ns) > kSameTimeNs) continue;
-    found.push_back(near->target_from_body.translation);
-    said.push_back(frame.EnuFromGeodetic(fix.position));
-    said.back().z() = 0;  // heights of fixes are the noisiest, and people move on the ground
-    sigma = std::max(sigma, fix.sigma_h_m);
-  }
-  if (found.size() < 3 || Spread(said) < 3 * sigma || !(Spread(found) > 0)) return {};
-  return Spread(said) / Spread(found);
+// Which way is up in the pictures of a job's images.
+std::vector<Eigen::Vector3d> TopsOf(const Run& run, const LocalizeInput& input) {
+  std::map<std::string, const ImageEntry*> entries;
+  for (const ImageEntry& entry : run.images) entries[entry.file] = &entry;
+  std::vector<Eigen::Vector3d> tops;
+  for (const FrameImage& image : input.images) tops.push_back(TopOf(run, *entries.at(image.name)));
+  return tops;
 }
 
 }  // namespace
 
+std::optional<double> LengthByGps(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion) {
+  constexpr int64_t kSameTimeNs = 300'000'000;
+  constexpr double kSigmas = 3;  // the median of noise alone, 1.18 sigma, makes what is this long 8 % longer
+  if (gps.empty()) return {};
+  const LocalFrame frame(gps.front().position);
+  std::vector<Eigen::Vector2d> found, said;
+  std::vector<double> sigmas;
+  for (const GpsFix& fix : gps) {
+    const auto near = std::min_element(motion.begin(), motion.end(), [&](const TimedPose& a, const TimedPose& b) {
+      return std::llabs(a.stamp_ns - fix.stamp_ns) < std::llabs(b.stamp_ns - fix.stamp_ns);
+    });
+    if (near == motion.end() || std::llabs(near->stamp_ns - fix.stamp_ns) > kSameTimeNs) continue;
+    found.emplace_back(near->target_from_body.translation.head<2>());
+    said.emplace_back(frame.EnuFromGeodetic(fix.position).head<2>());
+    sigmas.push_back(fix.sigma_h_m);
+  }
+  if (found.size() < 3) return {};
+  const double true_m = ReachOf(said), in_units = ReachOf(found);
+  if (true_m < kSigmas * Median(std::move(sigmas)) || !(in_units > 0)) return {};
+  return true_m / in_units;
+}
+
 std::string FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
                             const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
                             const CancelToken& cancel) {
-  const ImageMotion found = MotionFromImages(job.input, options.motion, options.pairs, threads, seed, progress, cancel);
+  ImageMotion found = MotionFromImages(job.input, options.motion, options.pairs, threads, seed, progress, cancel);
+  LevelMotion(job.input, TopsOf(run, job.input), &found);
   std::vector<TimedPose> poses;
   for (size_t i = 0; i < found.odom_from_body.size(); ++i) {
     if (found.odom_from_body[i]) poses.push_back({job.input.pose_stamps[i], *found.odom_from_body[i]});
   }
-  const std::optional<double> length = LengthByGps(run, poses);
+  const std::optional<double> length = LengthByGps(run.gps, poses);
   for (TimedPose& pose : poses) pose.target_from_body.translation *= length.value_or(1);
   const std::string unit = length ? "m, by the run's GPS" : "unknown (the median distance of scene points is 10 units)";
-  WriteTum(file, poses, {"trigpoint motion 1; frame=odom (first placed pose); from=images; unit=" + unit});
+  WriteTum(file, poses,
+           {"trigpoint motion 1; frame=odom (origin at the first placed pose, z up); from=images; unit=" + unit});
   return fmt::format(
       "run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} pairs verified); "
       "its unit of length is {}",
@@ -83,15 +97,19 @@ void FollowLenses(const std::vector<BodyCamera>& calibrated, const Run& run, Sit
 
 }  // namespace
 
-void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site) {
-  if (std::filesystem::exists(dir / kFoundCamerasFile)) {
-    const std::vector<BodyCamera> found = ReadCamchain(dir / kFoundCamerasFile), calibrated = run->cameras;
-    for (size_t c = 0; c < run->cameras.size() && c < found.size(); ++c) {
-      run->cameras[c].camera = found[c].camera;
-      run->cameras[c].focal_sigma_share = 0;
-    }
-    if (site != nullptr) FollowLenses(calibrated, *run, site);
+void FollowFoundLenses(const std::filesystem::path& dir, Run* run) {
+  if (!std::filesystem::exists(dir / kFoundCamerasFile)) return;
+  const std::vector<BodyCamera> found = ReadCamchain(dir / kFoundCamerasFile);
+  for (size_t c = 0; c < run->cameras.size() && c < found.size(); ++c) {
+    run->cameras[c].camera = found[c].camera;
+    run->cameras[c].focal_sigma_share = 0;
   }
+}
+
+void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site) {
+  const std::vector<BodyCamera> calibrated = run->cameras;
+  FollowFoundLenses(dir, run);
+  if (site != nullptr) FollowLenses(calibrated, *run, site);
   if (!run->odometry.poses.empty()) return;
   run->odometry = ReadTrajectory(dir / kMotionFile);
   run->config.odometry_scale_sigma = kUnknownScaleSigma;

@@ -4,7 +4,9 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "app/pipeline/localize_files.h"
 #include "localize/reconstruct/reconstruct_run.h"
@@ -18,11 +20,18 @@ inline constexpr double kUnknownScaleSigma = 10;
 inline constexpr const char* kMotionFile = "motion.tum";
 inline constexpr const char* kFoundCamerasFile = "camchain.yaml";
 
-// Writes `file`: the motion of `job`'s images, as long as the run's GPS says, if it has any. Returns what to warn of.
+// By how much images' own motion (its z up) is too short, by fixes at the times of its poses: true over found length.
+// Nothing where GPS does not show more than its own noise. A few wrong fixes do not matter.
+std::optional<double> LengthByGps(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion);
+
+// Writes `file`: the motion of `job`'s images, z up, as long as the run's GPS says, if it has any. Returns what to warn
+// of.
 std::string FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
                             const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
                             const CancelToken& cancel);
 
+// The lenses that the folder of a reconstruction says were found, if any, become the run's.
+void FollowFoundLenses(const std::filesystem::path& dir, Run* run);
 // What the folder of a reconstruction says becomes the run's: its motion, where the run has no odometry (images
 // without a place in it leave the run), and the lenses found, which photos of `site` that were taken with these cameras
 // follow.

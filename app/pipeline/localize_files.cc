@@ -458,6 +458,12 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
     job.warnings.push_back("run " + run.name + ": " + std::to_string(job.without_odometry) +
                            " images are not covered by odometry and are left out");
   }
+  if (input.pose_stamps.size() < 2 && !input.has_odometry) {
+    throw InputError("run " + run.name + ": fewer than 2 images have features (" +
+                     std::to_string(job.without_features) + " of " + std::to_string(run.images.size()) +
+                     " have none; the features stage names those that cannot be read or have another size than the "
+                     "camera's)");
+  }
   if (input.pose_stamps.size() < 2) {
     throw InputError("run " + run.name + ": fewer than 2 images have features and odometry at their time (" +
                      std::to_string(job.without_odometry) + " of " + std::to_string(run.images.size()) +
@@ -563,8 +569,9 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
 Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result) {
   Trajectory trajectory;
   for (const FrameImage& image : job.input.images) {
-    if (image.camera == 0)
-      trajectory.poses.push_back({image.stamp_ns, CamFromOdom(job.input, result, image).Inverse()});
+    if (image.camera != 0) continue;
+    trajectory.poses.push_back(
+        {job.input.pose_stamps[static_cast<size_t>(image.pose)], CamFromOdom(job.input, result, image).Inverse()});
   }
   return trajectory;
 }

@@ -42,7 +42,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
                             const std::vector<std::filesystem::path>& reference_results, const ViewOptions& views,
                             const std::map<std::string, std::filesystem::path>& rigs = {});
 
-// odom_from_cam of the run's first camera, in image time.
+// odom_from_cam of the run's first camera, on the body's clock: that of odometry and GPS.
 Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result);
 
 // cameras.tum, cameras.csv in the world, where the run is georeferenced; cameras_odom.tum where its poses in its own

@@ -6,6 +6,7 @@
 
 #include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/errors/reference_maps.h"
@@ -42,7 +43,8 @@ struct ReferenceStageOptions {
 Trajectory MotionOf(const Run& run, const ReferenceStageOptions& options, const fs::path& localized) {
   if (options.motion == "odometry") return run.odometry;
   Trajectory motion = ReadTrajectory(localized / "cameras_odom.tum");
-  for (TimedPose& pose : motion.poses) {
+  for (TimedPose& pose : motion.poses) {  // of the first camera, on its clock
+    pose.stamp_ns = BodyStamp(pose.stamp_ns, run.cameras.front());
     pose.target_from_body = pose.target_from_body * run.cameras.front().cam_from_body;
   }
   return motion;
@@ -168,6 +170,7 @@ StageInfo ReferenceStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<ReferenceStageOptions>(project, "reference", target);
     StageRequest request;
+    request.version = 2;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     for (const char* file : {"images.txt", "camchain.yaml", "odometry.tum", "run.yaml"}) {

@@ -111,9 +111,14 @@ void ReadFocal(const Tags& tags, PhotoMetadata* metadata) {
   if (!focal_mm || !resolution || *focal_mm <= 0 || *resolution <= 0) return;
   const int unit = static_cast<int>(tags.Number("Exif.Photo.FocalPlaneResolutionUnit").value_or(2));
   const double unit_mm = unit == 3 ? 10 : unit == 4 ? 1 : unit == 5 ? 1e-3 : 25.4;
-  // The resolution counts pixels of the picture as taken; a smaller copy keeps the tag and says its old width.
+  // The resolution counts pixels of the picture as taken; a smaller copy keeps the tag and says its old size. A copy
+  // that was turned upright keeps it, too: the long sides are compared.
   const double taken_width = tags.Number("Exif.Photo.PixelXDimension").value_or(width);
-  metadata->focal_px = *focal_mm * *resolution / unit_mm * (taken_width > 0 ? width / taken_width : 1);
+  const auto taken_height = tags.Number("Exif.Photo.PixelYDimension");
+  const bool both = taken_height && *taken_height > 0;
+  const double now = both ? std::max(width, height) : width;
+  const double taken = both ? std::max(taken_width, *taken_height) : taken_width;
+  metadata->focal_px = *focal_mm * *resolution / unit_mm * (taken > 0 ? now / taken : 1);
 }
 
 std::optional<GPano> ReadGPano(const Exiv2::XmpData& xmp) {

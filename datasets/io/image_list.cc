@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <iterator>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "calib/base/counted.h"
@@ -150,7 +152,8 @@ bool StampsFromNames(std::vector<ImageEntry>* images) {
     const std::string stem = image.path.stem().string();
     if (stem.find_first_not_of("0123456789.") != std::string::npos) return false;
     const bool fraction = stem.find('.') != std::string::npos;
-    if (!fraction && stem.size() < 10) return false;  // 000123 counts, it does not tell the time
+    // 000123 and 0000000123 count, they do not tell the time; 15 digits are nanoseconds of any clock.
+    if (!fraction && (stem.size() < 10 || (stem.size() < 15 && stem.front() == '0'))) return false;
     try {
       image.stamp_ns = ParseSecondsToNs(stem);
     } catch (const InputError&) {
@@ -160,21 +163,54 @@ bool StampsFromNames(std::vector<ImageEntry>* images) {
   return true;
 }
 
-bool StampsFromExif(const Run& run, std::vector<ImageEntry>* images, bool* zone_known) {
-  *zone_known = true;
-  std::set<std::pair<int, int64_t>> seen;
+// Cameras may write whole seconds: images of one time are put evenly between it and the next one, a second later at
+// most, in the order of their names. Returns how many have the time of another one; none has a time if all have one.
+std::optional<size_t> SpreadEqualTimes(std::vector<ImageEntry>* images) {
+  std::map<std::pair<int, int64_t>, std::vector<ImageEntry*>> by_time;  // of each camera
+  std::set<int64_t> times;
+  for (ImageEntry& image : *images) {
+    by_time[{image.camera, image.stamp_ns}].push_back(&image);
+    times.insert(image.stamp_ns);
+  }
+  if (times.size() == 1 && by_time.size() < images->size()) return std::nullopt;
+  for (auto it = by_time.begin(); it != by_time.end(); ++it) {
+    const auto& [camera, stamp_ns] = it->first;
+    const auto next = std::next(it);
+    int64_t room_ns = kNsPerSecond;
+    if (next != by_time.end() && next->first.first == camera) {
+      room_ns = std::min(room_ns, next->first.second - stamp_ns);
+    }
+    const auto same = static_cast<int64_t>(it->second.size());
+    for (int64_t k = 0; k < same; ++k) it->second[static_cast<size_t>(k)]->stamp_ns += room_ns * k / same;
+  }
+  return images->size() - by_time.size();
+}
+
+// Why EXIF does not give the images' times; empty: it does.
+std::string StampsFromExif(std::vector<ImageEntry>* images, Run* run) {
+  bool zone_known = true;
   for (ImageEntry& image : *images) {
     try {
       const PhotoMetadata metadata = ReadPhotoMetadata(image.path);
-      if (!metadata.taken_utc_ns) return false;
-      *zone_known = *zone_known && metadata.taken_zone_known;
-      image.stamp_ns = *metadata.taken_utc_ns - run.config.time_zero_utc_ns.value_or(0);
-    } catch (const InputError&) {
-      return false;
+      if (!metadata.taken_utc_ns) return image.file + " states none";
+      zone_known = zone_known && metadata.taken_zone_known;
+      image.stamp_ns = *metadata.taken_utc_ns - run->config.time_zero_utc_ns.value_or(0);
+    } catch (const InputError& e) {
+      return e.what();
     }
-    if (!seen.insert({image.camera, image.stamp_ns}).second) return false;
   }
-  return true;
+  const std::optional<size_t> moved = SpreadEqualTimes(images);
+  if (!moved) return "all state the same";
+  if (*moved > 0) {
+    run->warnings.push_back(run->dir.string() + ": EXIF states the same time for several images (" +
+                            Counted(*moved, "image") + " beyond the first of each time); those of one second are put " +
+                            "evenly into it, in the order of their names");
+  }
+  if (!zone_known) {
+    run->warnings.push_back(run->dir.string() + ": the images' times are from EXIF without a time zone and taken " +
+                            "as UTC; if they are local time, list the images in images.txt");
+  }
+  return "";
 }
 
 // A mask may lie among the images.
@@ -207,19 +243,14 @@ void ReadFolders(Run* run) {
     if (!images.empty()) break;
   }
   if (images.empty()) return;
-  bool zone_known = true;
   if (!StampsFromNames(&images)) {
-    if (StampsFromExif(*run, &images, &zone_known)) {
-      if (!zone_known) {
-        run->warnings.push_back(run->dir.string() + ": the images' times are from EXIF without a time zone and taken " +
-                                "as UTC; if they are local time, list the images in images.txt");
-      }
-    } else {
+    if (const std::string missing = StampsFromExif(&images, run); !missing.empty()) {
       std::vector<int64_t> next(std::max<size_t>(run->cameras.size(), 1), 0);
       for (ImageEntry& image : images) image.stamp_ns = kNsPerSecond * next[static_cast<size_t>(image.camera)]++;
-      run->warnings.push_back(
-          run->dir.string() + ": neither the names nor the EXIF of the images have a time; they are " +
-          "numbered one a second. Odometry and GPS must use that clock, else list " + "'timestamp file' in images.txt");
+      run->warnings.push_back(run->dir.string() +
+                              ": neither the names nor the EXIF of the images have a time for each " + "of them (" +
+                              missing + "); they are numbered one a second. Odometry and GPS must use " +
+                              "that clock, else list 'timestamp file' in images.txt");
     }
   }
   run->images = std::move(images);

@@ -427,27 +427,84 @@ std::optional<Camera> EquirectangularCamera(const Run& run, const std::optional<
   return Camera::Equirectangular(size.width, size.height);
 }
 
+// What a picture's headers state.
+struct SampledPicture {
+  const ImageEntry* image;
+  PhotoMetadata metadata;
+  cv::Size Stored() const { return {metadata.width, metadata.height}; }
+  cv::Size Shown() const { return metadata.SwapsSides() ? cv::Size(metadata.height, metadata.width) : Stored(); }
+};
+
+// Some of the run's pictures, spread over it: the headers of a long run's take long to read.
+std::vector<SampledPicture> SamplePictures(const Run& run) {
+  constexpr size_t kSample = 64;
+  std::vector<SampledPicture> pictures;
+  const size_t step = run.images.size() / kSample + 1;
+  for (size_t i = 0; i < run.images.size(); i += step) {
+    const ImageEntry& image = run.images[i];
+    if (image.video_frame >= 0) continue;
+    try {
+      pictures.push_back({&image, ReadPhotoMetadata(image.path)});
+    } catch (const InputError&) {  // said where the picture is needed
+    }
+  }
+  return pictures;
+}
+
+// The size that most pictures have as they are shown or, where some were taken upright and others across, as they are
+// stored: LoadPhoto takes either. Of sizes that as many have, that of the first picture.
+cv::Size SizeOfMost(const std::vector<SampledPicture>& pictures) {
+  std::vector<std::pair<cv::Size, int>> votes;
+  const auto vote = [&](const cv::Size& size) {
+    auto it = std::find_if(votes.begin(), votes.end(), [&](const auto& known) { return known.first == size; });
+    if (it == votes.end()) it = votes.emplace(votes.end(), size, 0);
+    ++it->second;
+  };
+  for (const SampledPicture& picture : pictures) {
+    vote(picture.Shown());
+    if (picture.Shown() != picture.Stored()) vote(picture.Stored());
+  }
+  const auto most =
+      std::max_element(votes.begin(), votes.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  return most == votes.end() ? cv::Size() : most->first;
+}
+
+// Those of this size whose EXIF states a focal length, the shortest first.
+std::vector<SampledPicture> WithFocalLength(std::vector<SampledPicture> pictures, const cv::Size& size) {
+  std::erase_if(pictures, [&](const SampledPicture& picture) {
+    return !picture.metadata.focal_px || (picture.Shown() != size && picture.Stored() != size);
+  });
+  std::stable_sort(pictures.begin(), pictures.end(), [](const SampledPicture& a, const SampledPicture& b) {
+    return *a.metadata.focal_px < *b.metadata.focal_px;
+  });
+  return pictures;
+}
+
+// Phones give the pictures of all their lenses one size.
+void WarnOfOtherLenses(const std::vector<SampledPicture>& by_focal, Run* run) {
+  const SampledPicture &shortest = by_focal.front(), &longest = by_focal.back();
+  if (*longest.metadata.focal_px <= (1 + kExifFocalSigma) * *shortest.metadata.focal_px) return;
+  run->warnings.push_back(fmt::format(
+      "{}: EXIF states focal lengths from {:.0f} px ({}) to {:.0f} px ({}), but one lens is estimated for all images; "
+      "put the images of each lens and zoom into a run of their own",
+      run->dir.string(), *shortest.metadata.focal_px, shortest.image->file, *longest.metadata.focal_px,
+      longest.image->file));
+}
+
 // A camera that nobody calibrated: that of 360 pictures, which need no calibration; else its focal length is by EXIF,
 // or that of usual lenses, until the images say better.
 void GuessCamera(Run* run) {
   const ImageEntry& first = run->images.front();
-  std::optional<Camera> camera;
-  std::optional<GPano> gpano;
-  cv::Size size;
-  try {
-    if (first.video_frame >= 0) {
+  const std::vector<SampledPicture> pictures = SamplePictures(*run);
+  cv::Size size = SizeOfMost(pictures);
+  if (first.video_frame >= 0) {
+    try {
       size = ReadVideoFrameGrey(first.path, first.video_frame).size();
-    } else {
-      const PhotoMetadata metadata = ReadPhotoMetadata(first.path);
-      camera = CameraFromMetadata(metadata);
-      gpano = metadata.gpano;
-      size = {metadata.width, metadata.height};
-      if (metadata.SwapsSides()) std::swap(size.width, size.height);
+    } catch (const InputError&) {  // said where the frame is needed
     }
-  } catch (const InputError&) {
-    return;  // said where the picture is needed
   }
   if (size.empty()) return;
+  const std::optional<GPano> gpano = pictures.empty() ? std::nullopt : pictures.front().metadata.gpano;
   if (const auto sphere = EquirectangularCamera(*run, gpano, size)) {
     run->cameras.push_back({.name = "cam0", .camera = *sphere, .cam_from_body = LevelForwardCamera()});
     return;
@@ -456,28 +513,31 @@ void GuessCamera(Run* run) {
     run->warnings.push_back(run->dir.string() + ": the pictures are twice as wide as high; if they are 360 pictures " +
                             "(equirectangular), write 'camera: equirectangular' into run.yaml");
   }
-  const bool exif = camera.has_value();
-  if (!exif) {
-    const double focal = kUsualFocal * std::max(size.width, size.height);
-    camera = Camera(CameraModel::kPinhole, size.width, size.height,
-                    {focal, focal, 0.5 * (size.width - 1), 0.5 * (size.height - 1)});
-  }
+  const std::vector<SampledPicture> by_focal = WithFocalLength(pictures, size);
+  const bool exif = !by_focal.empty();
+  const SampledPicture* const middle = exif ? &by_focal[by_focal.size() / 2] : nullptr;
+  const double focal = exif ? *middle->metadata.focal_px : kUsualFocal * std::max(size.width, size.height);
   run->cameras.push_back({.name = "cam0",
-                          .camera = *camera,
+                          .camera = Camera(CameraModel::kPinhole, size.width, size.height,
+                                           {focal, focal, 0.5 * (size.width - 1), 0.5 * (size.height - 1)}),
                           .cam_from_body = LevelForwardCamera(),
                           .focal_sigma_share = exif ? kExifFocalSigma : kUnknownFocalSigma,
-                          .guessed_focal_px = camera->MeanFocal()});
+                          .guessed_focal_px = focal});
   run->warnings.push_back(run->dir.string() + ": no camchain.yaml; the focal length " +
-                          (exif ? "begins with the EXIF of " + first.path.filename().string() + " and " : "") +
+                          (exif ? "begins with the EXIF of " + middle->image->path.filename().string() + " and " : "") +
                           "is estimated with the distortion from the images: calibrate the camera for accuracy");
+  if (exif) WarnOfOtherLenses(by_focal, run);
 }
 
 // A folder of masks in which no image finds its own is a wrong folder.
 void WarnOfUnusedMasks(Run* run) {
+  const auto is_crop = [&](size_t c) { return run->cameras[c].part.kind == PicturePart::Kind::kCrop; };
   for (size_t c = 0; c < run->cameras.size(); ++c) {
     for (const std::filesystem::path& folder : run->cameras[c].mask.folders) {
       const bool used = std::any_of(run->images.begin(), run->images.end(), [&](const ImageEntry& image) {
-        return static_cast<size_t>(image.camera) == c && !MaskInFolder(folder, image.file).empty();
+        const auto its = static_cast<size_t>(image.camera);
+        const bool sees = its == c || (is_crop(its) && is_crop(c));  // a picture belongs to all crops
+        return sees && !MaskInFolder(folder, image.file).empty();
       });
       if (used) continue;
       run->warnings.push_back((run->dir / "run.yaml").string() + ": key 'masks': " + folder.string() +

@@ -28,7 +28,7 @@ struct TimeOffset {
 TimeOffset CheckGpsTime(const Run& run, const TimeCheckOptions& options = {});
 
 // Odometry against cameras: the offset under which the speeds of turning fit best; they need neither extrinsics nor
-// a common frame. `frame_from_cam`: one camera's trajectory in image time.
+// a common frame. `frame_from_cam`: one camera's trajectory, the camera's own time shift added (BodyStamp).
 TimeOffset CheckOdometryTime(const Run& run, const Trajectory& frame_from_cam, const TimeCheckOptions& options = {});
 
 }  // namespace trigpoint

@@ -11,6 +11,7 @@
 
 #include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
+#include "datasets/io/camchain.h"
 #include "eval/truth/chain_solver.h"
 #include "survey/tags/planar_pose.h"
 #include "survey/tags/tag_files.h"
@@ -38,10 +39,7 @@ class Builder {
   }
   ChainProblem& problem() { return problem_; }
   const std::vector<int>& tag_ids() const { return tag_ids_; }
-  int BodyOf(int64_t stamp_ns) const {
-    const auto it = bodies_.find(stamp_ns);
-    return it == bodies_.end() ? -1 : it->second;
-  }
+  int BodyOf(const ImageEntry& image) const { return BodyAt(MomentOf(image)); }
   // Along the path to the next body with a tag; infinite if the motion does not lead to one.
   std::vector<double> Bridges() const {
     const double kFar = std::numeric_limits<double>::infinity();
@@ -68,7 +66,7 @@ class Builder {
     const Rigid3d body_from_cam =
         known ? input_.cameras[static_cast<size_t>(image.camera)].cam_from_body.Inverse() : Rigid3d();
     pose.camera = known ? input_.cameras[static_cast<size_t>(image.camera)].name : "";
-    const auto i = static_cast<size_t>(BodyOf(image.stamp_ns));
+    const auto i = static_cast<size_t>(BodyOf(image));
     pose.tags = tags;
     pose.bridged_m = bridge_m;
     pose.status = pose.tags > 0 ? "tags" : "bridged";
@@ -92,10 +90,28 @@ class Builder {
   }
 
  private:
+  // The moment that an image shows, on the clock of the motion.
+  int64_t MomentOf(const ImageEntry& image) const {
+    const bool known = image.camera >= 0 && static_cast<size_t>(image.camera) < input_.cameras.size();
+    return known ? BodyStamp(image.stamp_ns, input_.cameras[static_cast<size_t>(image.camera)]) : image.stamp_ns;
+  }
+  // -1: there is no body then.
+  int BodyAt(int64_t moment_ns) const {
+    const auto it = bodies_.find(moment_ns);
+    return it == bodies_.end() ? -1 : it->second;
+  }
+  const BodyCamera* CameraNamed(const std::string& name) const {
+    const auto camera =
+        std::find_if(input_.cameras.begin(), input_.cameras.end(), [&](const BodyCamera& c) { return c.name == name; });
+    return camera == input_.cameras.end() ? nullptr : &*camera;
+  }
+
   void AddBodies() {
     std::set<int64_t> stamps;
-    for (const ImageEntry& image : input_.images) stamps.insert(image.stamp_ns);
-    for (const ImageDetections& image : input_.detections) stamps.insert(image.stamp_ns);
+    for (const ImageEntry& image : input_.images) stamps.insert(MomentOf(image));
+    for (const ImageDetections& image : input_.detections) {
+      if (const BodyCamera* camera = CameraNamed(image.camera)) stamps.insert(BodyStamp(image.stamp_ns, *camera));
+    }
     stamps_.assign(stamps.begin(), stamps.end());
     for (size_t i = 0; i < stamps_.size(); ++i) bodies_[stamps_[i]] = static_cast<int>(i);
     problem_.bodies.resize(stamps_.size());
@@ -142,10 +158,9 @@ class Builder {
 
   void AddObservations() {
     for (const ImageDetections& image : input_.detections) {
-      const auto camera = std::find_if(input_.cameras.begin(), input_.cameras.end(),
-                                       [&](const BodyCamera& c) { return c.name == image.camera; });
-      const int body = BodyOf(image.stamp_ns);
-      if (camera == input_.cameras.end() || body < 0) continue;
+      const BodyCamera* camera = CameraNamed(image.camera);
+      if (camera == nullptr) continue;
+      const int body = BodyAt(BodyStamp(image.stamp_ns, *camera));
       for (const TagDetection& d : image.detections) {
         const auto tag = tag_index_.find(d.id);
         if (tag == tag_index_.end() || SideOf(d) < options_.min_side_px) continue;
@@ -313,7 +328,7 @@ ReferencePoses EstimateReferencePoses(const ReferencePoseInput& input, const Ref
   }
   const std::vector<double> bridge = builder.Bridges();
   for (const ImageEntry& image : input.images) {
-    const auto i = static_cast<size_t>(builder.BodyOf(image.stamp_ns));
+    const auto i = static_cast<size_t>(builder.BodyOf(image));
     result.poses.push_back(builder.PoseOf(image, tags_of_body[i], bridge[i], solution));
   }
   return result;

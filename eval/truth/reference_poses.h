@@ -54,7 +54,7 @@ struct ReferencePoseInput {
   std::vector<BodyCamera> cameras;
   std::vector<ImageEntry> images;  // of the run
   std::vector<ImageDetections> detections;
-  Trajectory motion;            // frame_from_body in any frame; empty: none, nothing can be bridged
+  Trajectory motion;            // frame_from_body in any frame, on the body's clock; empty: none, nothing is bridged
   double scale_sigma = 0.01;    // of the motion's scale about 1
   std::vector<TagResult> tags;  // world_from_tag with covariance; without one it counts as exact
   TagCovariances cross;

@@ -410,11 +410,13 @@ std::string DoubtfulHeading(const std::vector<GeoObservation>& obs) {
       deg, deg * kRadToDeg, deg + 360);
 }
 
-// Why the geotags do not decide where the run lies; empty: they do.
+// Why the geotags do not decide where the run lies; empty: they do. `size_known`: the run's lengths are metres at least
+// roughly; in those of images alone, what is seen is 10 m away in the median.
 std::string Undecided(const EarthSolution& best, const std::vector<EarthSolution>& all,
-                      const std::vector<GeoObservation>& obs, const GeoRegistrationOptions& options) {
+                      const std::vector<GeoObservation>& obs, bool size_known, const GeoRegistrationOptions& options) {
   if (!best.good) return "the geotags do not fix the run's frame";
-  if (!(best.s.scale > 0.1) || !(best.s.scale < 10)) return "the geotags contradict the run's size";
+  const double most = size_known ? 10 : 100;  // 0.1 to 1,000 m away
+  if (!(best.s.scale > 1 / most) || !(best.s.scale < most)) return "the geotags contradict the run's size";
   std::vector<Eigen::Vector3d> positions;
   std::vector<double> sigmas;
   int headings = 0, wrong_headings = 0;
@@ -766,7 +768,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   }
   result.iterations = best->iterations;
   if (best->good) Tally(*best, obs, options.outlier_chi2, &result);
-  result.reason = Undecided(*best, solutions, obs, options);
+  result.reason = Undecided(*best, solutions, obs, scale_sigma < kUnknownScale, options);
   if (!result.reason.empty()) return result;
   if (const auto next = Next(enlarged, *best, options.outlier_chi2)) {
     return Register(Enlarged(obs, next->factor / enlarged.factor), odom_covariance, scale_prior, scale_sigma, levelled,

@@ -242,9 +242,10 @@ struct OtherClock {
 constexpr double kClockStep_s = 0.5;
 constexpr int kClockSteps = 40;  // to each side
 
-std::vector<OtherClock> OtherClocks(const Track& track) {
+// `whole`: all fixes, by which the run is known at other times. Between the few that tell something new it bends.
+std::vector<OtherClock> OtherClocks(const Track& track, const Track& whole) {
   constexpr double kShare = 1.0 / 3;  // of the run's time: the rest has to show it
-  const double last = track.seconds.back();
+  const double last = whole.seconds.back();
   const int steps = std::min(kClockSteps, static_cast<int>(kShare * last / kClockStep_s));
   std::vector<OtherClock> clocks;
   for (int k = -steps; k <= steps; ++k) {
@@ -256,7 +257,7 @@ std::vector<OtherClock> OtherClocks(const Track& track) {
     if (both.size() < kLeastGpsFixes) continue;
     const Track stated = track.Chosen(both);
     Track moved = stated;
-    for (size_t i = 0; i < both.size(); ++i) moved.run[i] = track.RunAt(moved.seconds[i] + offset);
+    for (size_t i = 0; i < both.size(); ++i) moved.run[i] = whole.RunAt(moved.seconds[i] + offset);
     const Fit as_stated = FitTrack(stated), as_moved = FitTrack(moved);
     clocks.push_back({offset, as_stated.chi2 - as_moved.chi2, as_moved.turn_rad - as_stated.turn_rad,
                       as_moved.shift_m - as_stated.shift_m});
@@ -265,29 +266,26 @@ std::vector<OtherClock> OtherClocks(const Track& track) {
 }
 
 // The fixes that say something new: errors that wander are alike in neighbours.
-std::optional<Track> TellingTrack(const std::vector<GpsPlace>& gps, const std::vector<Offset>& offsets,
-                                  double wander_s) {
+std::optional<Track> TellingTrack(const Track& all) {
   constexpr double kApart = 1.0 / 6;  // of the time in which GPS errors wander
-  const std::optional<Track> all = TrackOf(gps, offsets, wander_s);
-  if (!all) return std::nullopt;
   std::vector<size_t> apart;
-  for (size_t i = 0; i < all->seconds.size(); ++i) {
-    if (apart.empty() || all->seconds[i] - all->seconds[apart.back()] >= kApart * wander_s) apart.push_back(i);
+  for (size_t i = 0; i < all.seconds.size(); ++i) {
+    if (apart.empty() || all.seconds[i] - all.seconds[apart.back()] >= kApart * all.wander_s) apart.push_back(i);
   }
   if (apart.size() < kLeastGpsFixes) return std::nullopt;
-  return all->Chosen(apart);
+  return all.Chosen(apart);
 }
 
-// Why GPS cannot be what it is taken for; empty: nothing speaks against it.
+// Why GPS cannot be what it is taken for: the reading that explains it best. Empty: nothing speaks against it.
 std::string OtherReading(const Track& track, const std::vector<OtherClock>& clocks) {
   Track mirrored = track;
   for (Complex& place : mirrored.run) place = std::conj(place);
-  if (FitTrack(track).chi2 - FitTrack(mirrored).chi2 > kMoreLikely) {
-    return "they fit if east and west are exchanged; check the longitudes and odometry";
-  }
+  const double mirror_gain = FitTrack(track).chi2 - FitTrack(mirrored).chi2;
   const auto best = std::max_element(clocks.begin(), clocks.end(),
                                      [](const OtherClock& a, const OtherClock& b) { return a.gain < b.gain; });
-  if (best == clocks.end() || best->gain <= kMoreLikely) return "";
+  const double clock_gain = best == clocks.end() ? 0 : best->gain;
+  if (std::max(mirror_gain, clock_gain) <= kMoreLikely) return "";
+  if (mirror_gain > clock_gain) return "they fit if east and west are exchanged; check the longitudes and odometry";
   return fmt::format("they fit with about {:+.1f} s added to their times; check gps.time_offset_s in run.yaml",
                      best->offset_s);
 }
@@ -358,8 +356,9 @@ void CheckGpsShape(const BundleProblem& problem, const std::vector<GpsPlace>& gp
   const double misfit = LayOver(offsets).misfit;
   std::string other;
   std::vector<OtherClock> clocks;
-  if (const std::optional<Track> track = TellingTrack(gps, offsets, options.gps_correlation_s)) {
-    clocks = OtherClocks(*track);
+  const std::optional<Track> whole = TrackOf(gps, offsets, options.gps_correlation_s);
+  if (const std::optional<Track> track = whole ? TellingTrack(*whole) : std::nullopt) {
+    clocks = OtherClocks(*track, *whole);
     other = OtherReading(*track, clocks);
   }
   if (alone && other.empty()) {

@@ -1,5 +1,6 @@
 #include "localize/reconstruct/structure_from_motion.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -54,11 +55,17 @@ std::vector<ImagePair> PairsByAppearance(const LocalizeInput& input, const Struc
                                          int threads, uint64_t seed, const CancelToken& cancel) {
   const int n = static_cast<int>(input.images.size());
   std::set<std::pair<int, int>> pairs;
-  const int window = n <= options.exhaustive ? n : options.neighbours;
-  for (int i = 0; i < n; ++i) {
-    for (int j = i + 1; j < std::min(n, i + 1 + window); ++j) pairs.insert({i, j});
+  const bool exhaustive = n <= options.exhaustive;
+  for (int i = 0; i < n && exhaustive; ++i) {
+    for (int j = i + 1; j < n; ++j) pairs.insert({i, j});
   }
-  if (n > options.exhaustive) AddAlike(input, options, threads, seed, cancel, &pairs);
+  // Of the same camera: the next images of a rig are of the same moment.
+  const std::vector<int> next = NextOfCamera(input);
+  for (int i = 0; i < n && !exhaustive; ++i) {
+    int j = i;
+    for (int k = 0; k < options.neighbours && (j = next[static_cast<size_t>(j)]) >= 0; ++k) pairs.insert({i, j});
+  }
+  if (!exhaustive) AddAlike(input, options, threads, seed, cancel, &pairs);
   std::vector<ImagePair> out;
   for (const auto& [a, b] : pairs) {
     if (ImageAt(input, a).pose != ImageAt(input, b).pose) out.push_back({a, b});
@@ -351,6 +358,42 @@ ImageMotion Normalised(const LocalizeInput& input, const TrackSet& tracks, const
 
 }  // namespace
 
+void LevelMotion(const LocalizeInput& input, const std::vector<Eigen::Vector3d>& tops, ImageMotion* motion) {
+  // 1 sigma of a camera that is held in the hand, as in the levelling of photo sets (survey/panorama/levelling.cc).
+  constexpr double kRoll = 2 * kDegToRad, kPitch = 8 * kDegToRad;
+  constexpr double kAgree = 0.5;  // mean cosine: 60 deg
+  Eigen::Matrix3d level = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d top = Eigen::Vector3d::Zero(), ahead = Eigen::Vector3d::Zero();
+  double placed = 0;
+  for (size_t i = 0; i < input.images.size(); ++i) {
+    const std::optional<Rigid3d>& pose = motion->odom_from_body[static_cast<size_t>(input.images[i].pose)];
+    if (!pose) continue;
+    // How a calibrated camera sits on its body is known, and bodies stand upright: their x is ahead, their z is up.
+    const BodyCamera& camera = CameraOf(input, static_cast<int>(i));
+    const Eigen::Quaterniond body_from_cam = camera.cam_from_body.rotation.conjugate();
+    Eigen::Vector3d z = Eigen::Vector3d::UnitX(), up = Eigen::Vector3d::UnitZ();
+    if (!camera.has_extrinsics) z = body_from_cam * Eigen::Vector3d::UnitZ(), up = body_from_cam * tops[i];
+    z = pose->rotation * z, up = pose->rotation * up;
+    const Eigen::Vector3d x = z.cross(up);
+    level += x * x.transpose() / (kRoll * kRoll) + z * z.transpose() / (kPitch * kPitch);
+    top += up, ahead += z, ++placed;
+  }
+  // What is level is square to the vertical.
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(level);
+  Eigen::Vector3d vertical = eigen.eigenvectors().col(0);
+  if (std::abs(vertical.dot(top)) > kAgree * placed) {
+    vertical *= vertical.dot(top) > 0 ? 1 : -1;
+  } else if (ahead.norm() > kAgree * placed) {  // no side of the pictures is up: they look down, as a drone's do
+    vertical = -ahead.normalized();
+  } else {
+    return;
+  }
+  const Rigid3d turn(Eigen::Quaterniond::FromTwoVectors(vertical, Eigen::Vector3d::UnitZ()), Eigen::Vector3d::Zero());
+  for (std::optional<Rigid3d>& pose : motion->odom_from_body) {
+    if (pose) pose = turn * *pose;
+  }
+}
+
 ImageMotion MotionFromImages(const LocalizeInput& original, const StructureFromMotionOptions& options,
                              const ViewGraphOptions& view_graph, int threads, uint64_t seed, ProgressSink& progress,
                              const CancelToken& cancel) {
@@ -371,9 +414,11 @@ ImageMotion MotionFromImages(const LocalizeInput& original, const StructureFromM
   const TrackSet tracks = LongTracks(edges, options.tracks_per_image);
   const std::vector<const ViewEdge*> beginnings = Beginnings(input, tracks, edges);
   if (beginnings.empty()) {
-    throw InputError("no two images of the run fit each other with parallax (" + std::to_string(pairs.size()) +
-                     " pairs tried, " + std::to_string(verified) +
-                     " verified): a run without odometry needs images that overlap and were taken from several places");
+    throw InputError(
+        "no two images of the run fit each other with parallax (" + std::to_string(pairs.size()) + " pairs tried, " +
+        std::to_string(verified) +
+        " verified): a run without odometry needs images that were taken from several places and overlap, so "
+        "that three at least show the same");
   }
   constexpr size_t kBeginnings = 5;
   Model best;

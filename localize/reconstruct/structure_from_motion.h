@@ -38,6 +38,11 @@ struct ImageMotion {
   int placed = 0;  // poses
 };
 
+// Turns the motion about its first placed pose so that z is up: bodies stand upright, and cameras whose place on a body
+// nobody has stated are held with little roll and about level, or look straight down. `tops`: of each image, the
+// direction that is up in its picture, camera frame. Where the images contradict each other the motion stays as it is.
+void LevelMotion(const LocalizeInput& input, const std::vector<Eigen::Vector3d>& tops, ImageMotion* motion);
+
 // Reads images, cameras and times of `input`, not its odometry. Throws InputError where no two images fit each other.
 // Deterministic for a seed, with any number of threads.
 ImageMotion MotionFromImages(const LocalizeInput& input, const StructureFromMotionOptions& options,

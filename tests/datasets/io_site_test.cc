@@ -491,6 +491,69 @@ TEST_F(SiteTest, ReadsBareFoldersOfImages) {
   EXPECT_THAT(Warnings(read), HasSubstr("without a time zone"));
 }
 
+// A camera without sub-seconds took several pictures in one second: the others keep their times.
+TEST_F(SiteTest, PutsImagesOfOneSecondIntoIt) {
+  const std::string run = "runs/burst/";
+  Write(run + "camchain.yaml", std::string("cam0:\n") + kCamera);
+  Write(run + "run.yaml", "time_zero_utc: 2026-05-12T09:43:20Z\n");
+  const auto take = [&](const std::string& name, const std::string& second) {
+    Picture(run + name);
+    if (!second.empty()) Exif(run + name, {{"Exif.Photo.DateTimeOriginal", "2026:05:12 09:43:" + second}});
+  };
+  take("IMG_1.jpg", "21"), take("IMG_2.jpg", "21"), take("IMG_3.jpg", "22"), take("IMG_10.jpg", "21");
+  trigpoint::Run read = ReadOne("burst");
+  ASSERT_EQ(read.images.size(), 4u);
+  const char* const order[] = {"IMG_1.jpg", "IMG_2.jpg", "IMG_10.jpg", "IMG_3.jpg"};
+  for (size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(read.images[i].file, order[i]);
+    EXPECT_EQ(read.images[i].stamp_ns, kSecond + static_cast<int64_t>(i) * kSecond / 3);
+  }
+  EXPECT_THAT(Warnings(read), HasSubstr("the same time for several images (2 images beyond the first of each time)"));
+  take("IMG_3.jpg", "21");
+  read = ReadOne("burst");
+  EXPECT_EQ(read.images.at(3).stamp_ns, 3 * kSecond);
+  EXPECT_THAT(Warnings(read),
+              HasSubstr("a time for each of them (all state the same); they are numbered one a second"));
+  take("IMG_3.jpg", "");
+  EXPECT_THAT(Warnings(ReadOne("burst")), HasSubstr("a time for each of them (IMG_3.jpg states none)"));
+
+  // Ten digits that begin with 0 are a counter, as of KITTI's recordings.
+  Write("runs/counted/camchain.yaml", std::string("cam0:\n") + kCamera);
+  for (const char* name : {"0000000007.png", "0000000009.png"}) Picture(std::string("runs/counted/images/") + name);
+  read = ReadOne("counted");
+  EXPECT_EQ(read.images.at(1).stamp_ns, kSecond);
+  EXPECT_THAT(Warnings(read), HasSubstr("(images/0000000007.png states none)"));
+}
+
+TEST_F(SiteTest, GuessesTheCameraOfMostPictures) {
+  std::filesystem::remove(dir_ / "runs/run1/camchain.yaml");
+  const std::string images = "runs/run1/images/";
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) Picture(images + name);
+  Picture(images + "small.jpg", 32, 24);
+  Write(images + "broken.jpg", "no");
+  Exif(images + "a.jpg", {{"Exif.Image.Orientation", "6"}, {"Exif.Photo.FocalLengthIn35mmFilm", "36"}});
+  Write("runs/run1/images.txt",
+        "0 images/broken.jpg\n1 images/small.jpg\n2 images/a.jpg\n3 images/b.jpg\n4 images/c.jpg\n");
+  // One upright, two across: all fit a camera of the pictures as stored.
+  trigpoint::Run run = ReadOne();
+  EXPECT_EQ(run.cameras.at(0).camera.params(), (std::vector<double>{64, 64, 31.5, 23.5}));
+  EXPECT_EQ(LoadGrey(run, run.images.at(2)).size(), cv::Size(64, 48));
+  EXPECT_EQ(TopOf(run, run.images[2]), Eigen::Vector3d(-1, 0, 0));
+  EXPECT_EQ(TopOf(run, run.images[3]), Eigen::Vector3d(0, -1, 0));
+  EXPECT_EQ(Warnings(run).find("EXIF states focal lengths"), std::string::npos);
+  run.config.mirrored = true;
+  EXPECT_EQ(TopOf(run, run.images[2]), Eigen::Vector3d(1, 0, 0));
+  // All upright: as shown. Another lens of the same phone has the same size.
+  Exif(images + "b.jpg", {{"Exif.Image.Orientation", "6"}, {"Exif.Photo.FocalLengthIn35mmFilm", "18"}});
+  Exif(images + "c.jpg", {{"Exif.Image.Orientation", "8"}, {"Exif.Photo.FocalLengthIn35mmFilm", "36"}});
+  run = ReadOne();
+  EXPECT_EQ(run.cameras.at(0).camera.params(), (std::vector<double>{64, 64, 23.5, 31.5}));
+  EXPECT_EQ(LoadGrey(run, run.images.at(4)).size(), cv::Size(48, 64));
+  EXPECT_EQ(TopOf(run, run.images[4]), Eigen::Vector3d(0, -1, 0));
+  EXPECT_THAT(Warnings(run),
+              HasSubstr("EXIF states focal lengths from 32 px (images/b.jpg) to 64 px (images/c.jpg), but one lens"));
+}
+
 TEST_F(SiteTest, TakesTheCameraFromExifOrACalibration) {
   std::filesystem::remove(dir_ / "runs/run1/camchain.yaml");
   const BodyCamera guess = ReadOne().cameras.at(0);  // the images say better later
@@ -611,6 +674,10 @@ TEST_F(SiteTest, TakesTheCirclesOfADualFisheyeForTwoCameras) {
   const cv::Mat mask = RunMasks(run).Of(run.images[1]);
   EXPECT_EQ(mask.at<uint8_t>(0, 0), 0) << "outside the circle";
   EXPECT_EQ(mask.at<uint8_t>(24, 24), 255);
+  Picture("runs/run1/masks/1.png", 48, 48);
+  Write("runs/run1/run.yaml", "masks: {back: masks}\n");
+  EXPECT_EQ(Warnings(ReadOne()), "") << "both lenses see every picture";
+  Write("runs/run1/run.yaml", "");
   Picture("runs/run1/images/1.png");
   EXPECT_THAT(MessageOf<InputError>([&] { LoadGrey(run, run.images[1]); }),
               HasSubstr("expected a picture of at least 96 x 48 for the crop of camera 'back', found 64 x 48"));

@@ -308,6 +308,17 @@ TEST(GeoRegistration, AScaleThatIsOffIsMeasuredAndTold) {
   }
 }
 
+// A run of images alone has any length: a drone's ground is hundreds of metres away.
+TEST(GeoRegistration, ALengthThatNobodyTellsMayBeFarFromAMetre) {
+  for (const double unit : {0.04, 30.0}) {
+    const Site site = InUnit(MakeSite(20, 0), unit);
+    const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 10, false, {});
+    ASSERT_TRUE(geo.solved) << unit << ": " << geo.reason;
+    ExpectWithin(4, geo, site);
+    EXPECT_FALSE(RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {}).solved) << unit;
+  }
+}
+
 // A scale stated as if it were exact, and 2.5 % off: geotags that contradict it are heard.
 TEST(GeoRegistration, NoScaleIsExactWhereGeotagsContradictIt) {
   int contradicted = 0;

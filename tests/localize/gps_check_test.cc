@@ -30,6 +30,13 @@ Eigen::Vector3d PlaceOnArcAt(double second) {
   return kRadius_m * Eigen::Vector3d(std::cos(second / kRadius_m) - 1, std::sin(second / kRadius_m), 0);
 }
 
+// The same speed ahead, weaving: within a few seconds the path bends to either side and back.
+Eigen::Vector3d PlaceWeavingAt(double second) {
+  constexpr double kAside_m = 2;
+  const auto aside = [&](double period_s) -> double { return kAside_m * std::sin(2 * EIGEN_PI * second / period_s); };
+  return {second, aside(7.3) + aside(11.9), 0};
+}
+
 GeoRegistrationOptions Wandering() {
   GeoRegistrationOptions options;
   options.gps_correlation_s = kWander_s;
@@ -95,6 +102,22 @@ TEST(GpsShape, ALateClockIsNamed) {
     named += !run.geo.solved && run.geo.reason.find("gps.time_offset_s") != std::string::npos ? 1 : 0;
   }
   EXPECT_GE(named, 40);  // where its errors wander along with the run, nothing shows it
+}
+
+// Fixes that say something new are seconds apart. Between them the run is where its poses are, not on a straight line.
+TEST(GpsShape, TheOffsetNamedIsRightOnAPathThatBendsBetweenFixes) {
+  constexpr double kGood_m = 0.3;
+  for (uint64_t seed = 1; seed <= 20; ++seed) {
+    // Three seconds also make the path look a little like its mirror image.
+    for (const auto& [late_s, named] : {std::pair(2.5, "about -2.5 s added"), {3.0, "about -3.0 s added"}}) {
+      GpsRun run = MakeRun(seed, late_s, false, PlaceWeavingAt, kGood_m);
+      CheckGpsShape(run.problem, run.gps, Wandering(), true, &run.geo);
+      EXPECT_THAT(run.geo.reason, HasSubstr(named));
+    }
+    GpsRun right = MakeRun(seed, 0, false, PlaceWeavingAt, kGood_m);
+    CheckGpsShape(right.problem, right.gps, Wandering(), true, &right.geo);
+    EXPECT_TRUE(right.geo.solved);
+  }
 }
 
 // Variance of the run's place along its path, m^2, in the middle of the arc, where the path goes along y by 2/3 rad.
