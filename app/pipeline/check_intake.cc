@@ -10,6 +10,7 @@
 #include "calib/base/parallel.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
+#include "datasets/io/picture_parts.h"
 #include "datasets/project/forked.h"
 #include "survey/tags/detection_json.h"
 #include "survey/tags/tag_finder.h"
@@ -140,7 +141,7 @@ std::string MaskStamp(const Run& run, const ImageEntry& image) {
   };
   for (const fs::path& picture : masks.pictures) add(picture);
   for (const fs::path& folder : masks.folders) {
-    if (const fs::path file = MaskInFolder(folder, image.file); !file.empty()) add(file);
+    if (const fs::path file = MaskInFolder(folder, PictureOf(run, image)); !file.empty()) add(file);
   }
   return text;
 }

@@ -8,15 +8,16 @@
 namespace trigpoint {
 namespace {
 
-constexpr int kVersion = 2, kReferencesVersion = 3;
-constexpr int kSameFeatures = 2;  // versions since this one find the same features
+constexpr int kVersion = 3, kReferencesVersion = 4;
+constexpr int kSameFeatures = 2, kSameReferences = 4;  // versions since these find the same features
 
 nlohmann::json Metrics(const ExtractionReport& report) {
   return {{"pictures", report.pictures}, {"features", report.features}, {"skipped", report.skipped}};
 }
 
-// The result that is replaced, if it is whole and has the features that would be found now.
-FeaturesBefore Before(const Project& project, const char* stage, const std::string& name) {
+// The result that is replaced, if it is whole and has the features that would be found now, as versions from `since` on
+// have them.
+FeaturesBefore Before(const Project& project, const char* stage, const std::string& name, int since) {
   FeaturesBefore before;
   before.hash_of = [&project](const std::filesystem::path& file) {
     try {
@@ -26,7 +27,7 @@ FeaturesBefore Before(const Project& project, const char* stage, const std::stri
     }
   };
   const auto manifest = ReadManifest(project, stage, name);
-  if (!manifest || manifest->value("version", 0) < kSameFeatures) return before;
+  if (!manifest || manifest->value("version", 0) < since) return before;
   const std::filesystem::path dir = project.ResultDir(stage, name);
   const nlohmann::json files = manifest->value("files", nlohmann::json::object());
   for (const char* file : {kFeaturesFile, kPicturesFile}) {
@@ -54,9 +55,9 @@ StageInfo FeaturesStage() {
     request.options = JsonFromOptions(options);
     request.inputs = RunInputs(project, project.run(target.run));
     request.body = [options, name = target.run](StageContext& context) {
-      context.metrics.update(Metrics(ExtractRunFeatures(context.project.run(name), options.images,
-                                                        Before(context.project, "features", name), context.out,
-                                                        context.threads, context.progress, context.cancel)));
+      context.metrics.update(Metrics(ExtractRunFeatures(
+          context.project.run(name), options.images, Before(context.project, "features", name, kSameFeatures),
+          context.out, context.threads, context.progress, context.cancel)));
     };
     return request;
   };
@@ -93,7 +94,7 @@ FeaturesBefore BeforePart(const Project& project, const StageInfo& stage, StageT
   FeaturesBefore before;
   for (std::string last = "-"; before.dir.empty() && target.part != last; target.part = ParentPart(last)) {
     last = target.part;
-    before = Before(project, "references", ResultName(stage, target));
+    before = Before(project, "references", ResultName(stage, target), kSameReferences);
   }
   return before;
 }

@@ -86,19 +86,25 @@ std::vector<fs::path> RunInputs(const Project& project, const Run& run) {
   return inputs;
 }
 
+std::vector<fs::path> FilesOfReference(const Reference& reference) {
+  std::vector<fs::path> files = reference.files;
+  if (!reference.mask.empty()) files.push_back(reference.mask);
+  if (reference.kind != ReferenceKind::kPhotoSet) return files;
+  for (const fs::path& photo : reference.files) {
+    fs::path mask = MaskInFolder(photo.parent_path() / "masks", photo.filename().string());
+    if (!mask.empty()) files.push_back(std::move(mask));
+  }
+  return files;
+}
+
 std::vector<fs::path> ReferenceInputs(const Project& project, const Site& site, bool tables) {
   std::vector<fs::path> inputs;
   for (const char* table : {"panoramas.csv", "photos.csv"}) {
     if (tables && fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
   }
   for (const Reference& reference : site.references) {
-    inputs.insert(inputs.end(), reference.files.begin(), reference.files.end());
-    if (!reference.mask.empty()) inputs.push_back(reference.mask);
-    if (reference.kind != ReferenceKind::kPhotoSet) continue;
-    for (const fs::path& photo : reference.files) {
-      fs::path mask = MaskInFolder(photo.parent_path() / "masks", photo.filename().string());
-      if (!mask.empty()) inputs.push_back(std::move(mask));
-    }
+    const std::vector<fs::path> files = FilesOfReference(reference);
+    inputs.insert(inputs.end(), files.begin(), files.end());
   }
   return inputs;
 }

@@ -100,6 +100,8 @@ std::filesystem::path ResultOf(const Project& project, const std::string& stage,
 
 // Every file a run consists of: images or video, calibration, masks, odometry, GPS, run.yaml.
 std::vector<std::filesystem::path> RunInputs(const Project& project, const Run& run);
+// A reference's pictures and masks.
+std::vector<std::filesystem::path> FilesOfReference(const Reference& reference);
 // Every file the references of a site, all of the project's or some, consist of: pictures and masks, and the tables.
 std::vector<std::filesystem::path> ReferenceInputs(const Project& project, const Site& site, bool tables = true);
 

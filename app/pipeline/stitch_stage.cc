@@ -165,7 +165,7 @@ StageInfo StitchStage() {
     const fs::path dir = FolderOfSet(project, target.run);
     StageRequest request;
     request.options = JsonFromOptions(options);
-    request.version = 10;
+    request.version = 11;
     request.inputs = PicturesIn(dir);
     for (const fs::path& mask : PicturesIn(dir / "masks")) request.inputs.push_back(mask);
     request.body = [options, dir, name = target.run](StageContext& context) {

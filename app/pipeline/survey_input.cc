@@ -360,6 +360,16 @@ void RequireKnownLens(const std::string& run, const std::vector<BodyCamera>& cam
                    "whose EXIF states the focal length, or `trigpoint survey --set map.self_calibrate=true`");
 }
 
+void WarnOfGuessedLens(const SurveyRun& run, std::vector<std::string>* warnings) {
+  const double share = run.cameras.empty() ? 0 : run.cameras.front().focal_sigma_share;
+  if (!(share > 0)) return;
+  warnings->push_back(fmt::format(
+      "run {}: its lens is taken from EXIF (focal length good to {:.0f} %, 1 sigma; no distortion), and the "
+      "map's sigmas do not contain that error; calibrate the camera (trigpoint calibrate), or run "
+      "`trigpoint survey --set map.self_calibrate=true`",
+      run.name, 100 * share));
+}
+
 void AddRun(const Project& project, const StageTarget& target, const SurveyStageOptions& options, const Run& run,
             const DetectionsOfRuns* detections, SurveyJob* job) {
   StageTarget its = target;
@@ -391,6 +401,7 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
     }
   }
   RequireKnownLens(run.name, survey.cameras, options.map.self_calibrate);
+  if (!options.map.self_calibrate) WarnOfGuessedLens(survey, &job->warnings);
   AddGps(project, run, &survey);
   job->input.runs.push_back(std::move(survey));
 }

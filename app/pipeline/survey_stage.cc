@@ -42,7 +42,8 @@ std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& ta
   for (const Reference& reference : project.site().references) {
     if ((options.stations && at_station(reference)) ||
         (options.photo_sets && reference.kind == ReferenceKind::kPhotoSet)) {
-      inputs.insert(inputs.end(), reference.files.begin(), reference.files.end());
+      const std::vector<fs::path> files = FilesOfReference(reference);
+      inputs.insert(inputs.end(), files.begin(), files.end());
     }
   }
   if (options.stations || options.photo_sets) {
@@ -242,7 +243,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
-    request.version = 16;
+    request.version = 17;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     request.values["detector"] = JsonFromOptions(DetectorOptions(project, target));

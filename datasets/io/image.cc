@@ -229,6 +229,21 @@ cv::Mat LoadGrey(const Run& run, const ImageEntry& entry) { return LoadImage(run
 
 cv::Mat LoadColour(const Run& run, const ImageEntry& entry) { return LoadImage(run, entry, false); }
 
+Eigen::Vector3d TopOf(const Run& run, const ImageEntry& entry) {
+  const BodyCamera& camera = run.cameras.at(static_cast<size_t>(entry.camera));
+  Eigen::Vector3d top = -Eigen::Vector3d::UnitY();
+  if (entry.video_frame >= 0 || camera.part.kind != PicturePart::Kind::kAll) return top;
+  try {
+    const PhotoMetadata metadata = ReadPhotoMetadata(entry.path);
+    const bool as_stored = metadata.SwapsSides() && !Fits({metadata.height, metadata.width}, camera.camera);
+    // What is shown at the top is stored at the left (5, 6) or at the right (7, 8).
+    if (as_stored) top = (metadata.orientation <= 6 ? -1.0 : 1.0) * Eigen::Vector3d::UnitX();
+  } catch (const InputError&) {  // said where the picture is needed
+  }
+  if (run.config.mirrored) top.x() = -top.x();
+  return top;
+}
+
 cv::Mat LoadPicture(const std::filesystem::path& file, bool grey, const SizeCheck& check) {
   const std::vector<uchar> bytes = ReadBytes(file);
   CheckComplete(file, bytes);
@@ -236,6 +251,23 @@ cv::Mat LoadPicture(const std::filesystem::path& file, bool grey, const SizeChec
     if (const auto size = StoredSize(file, bytes)) check(*size);
   }
   return Decode(file, bytes, grey, false);
+}
+
+std::optional<SpherePart> PartOfSphere(const std::optional<GPano>& gpano, const cv::Size& picture) {
+  if (picture.width == 2 * picture.height) return SpherePart{picture, cv::Rect({}, picture)};
+  const bool states = gpano && gpano->full_width > 0 && gpano->full_width == 2 * gpano->full_height &&
+                      gpano->crop_width > 0 && gpano->crop_height > 0 && gpano->crop_left >= 0 &&
+                      gpano->crop_top >= 0 && gpano->crop_left + gpano->crop_width <= gpano->full_width &&
+                      gpano->crop_top + gpano->crop_height <= gpano->full_height;
+  if (!states) return std::nullopt;
+  const double scale = static_cast<double>(picture.width) / gpano->crop_width;
+  if (gpano->full_width * scale > INT_MAX - 2) return std::nullopt;
+  const int height = static_cast<int>(std::lround(gpano->full_height * scale));
+  const SpherePart lies{{2 * height, height},
+                        {static_cast<int>(std::lround(gpano->crop_left * scale)),
+                         static_cast<int>(std::lround(gpano->crop_top * scale)), picture.width, picture.height}};
+  const bool inside = (lies.part & cv::Rect({}, lies.sphere)) == lies.part;
+  return inside && std::abs(picture.height - gpano->crop_height * scale) < 2 ? std::optional(lies) : std::nullopt;
 }
 
 cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey, int widest) {
@@ -254,28 +286,15 @@ cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey, int widest) {
   cv::Mat picture = Decode(file, bytes, grey, false);
   if (picture.cols == 2 * picture.rows) return picture;
   if (!pano) pano = ReadPhotoMetadata(file).gpano;
-  if (pano && pano->full_width > 0 && pano->full_width == 2 * pano->full_height && pano->crop_width > 0 &&
-      pano->crop_height > 0 && pano->crop_left >= 0 && pano->crop_top >= 0 &&
-      pano->crop_left + pano->crop_width <= pano->full_width &&
-      pano->crop_top + pano->crop_height <= pano->full_height) {
-    // Partial: put where it lies in the sphere, at its own resolution.
-    const double scale = static_cast<double>(picture.cols) / pano->crop_width;
-    if (pano->full_width * scale > widest) {  // its empty parts alone would take gigabytes
-      throw InputError(fmt::format("{}: its GPano tags make it a panorama {:.0f} px wide; expected at most {} px",
-                                   file.string(), pano->full_width * scale, widest));
-    }
-    const int height = static_cast<int>(std::lround(pano->full_height * scale));
-    const cv::Rect place(static_cast<int>(std::lround(pano->crop_left * scale)),
-                         static_cast<int>(std::lround(pano->crop_top * scale)), picture.cols, picture.rows);
-    const cv::Rect whole(0, 0, 2 * height, height);
-    if ((place & whole) == place && std::abs(picture.rows - pano->crop_height * scale) < 2) {
-      cv::Mat full = cv::Mat::zeros(whole.size(), picture.type());
-      picture.copyTo(full(place));
-      return full;
-    }
+  const std::optional<SpherePart> lies = PartOfSphere(pano, picture.size());
+  if (!lies) refuse(picture.size());
+  if (lies->sphere.width > widest) {  // its empty parts alone would take gigabytes
+    throw InputError(fmt::format("{}: its GPano tags make it a panorama {} px wide; expected at most {} px",
+                                 file.string(), lies->sphere.width, widest));
   }
-  refuse(picture.size());
-  return {};
+  cv::Mat full = cv::Mat::zeros(lies->sphere, picture.type());
+  picture.copyTo(full(lies->part));
+  return full;
 }
 
 }  // namespace trigpoint

@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <functional>
 #include <opencv2/core/mat.hpp>
+#include <optional>
 
+#include "datasets/io/exif.h"
 #include "datasets/io/site.h"
 
 namespace trigpoint {
@@ -17,6 +19,9 @@ cv::Mat LoadGrey(const Run& run, const ImageEntry& entry);
 // The same in colour, BGR.
 cv::Mat LoadColour(const Run& run, const ImageEntry& entry);
 
+// Which way is up in that picture by its EXIF orientation, camera frame: (0, -1, 0), unless it is taken as stored.
+Eigen::Vector3d TopOf(const Run& run, const ImageEntry& entry);
+
 // The same of a photo with a known camera: 8-bit grey or BGR of the camera's size. Throws InputError.
 cv::Mat LoadPhoto(const std::filesystem::path& file, const Camera& camera, bool grey);
 
@@ -26,6 +31,14 @@ using SizeCheck = std::function<void(const cv::Size& stored)>;
 
 // Colour 8-bit BGR (or grey, if `grey`) picture of any file, EXIF orientation applied. Throws InputError.
 cv::Mat LoadPicture(const std::filesystem::path& file, bool grey, const SizeCheck& check = {});
+
+// Where a panorama's picture lies in the full sphere, which has its resolution.
+struct SpherePart {
+  cv::Size sphere;
+  cv::Rect part;
+};
+// By the size of the picture as shown, else by its GPano tags; nothing: it is no panorama.
+std::optional<SpherePart> PartOfSphere(const std::optional<GPano>& gpano, const cv::Size& picture);
 
 // An equirectangular panorama, 2:1. A partial one whose GPano tags say where it lies is put into a black full sphere.
 // Throws InputError naming the size found for any other picture, and for a full sphere of more than `widest` px.

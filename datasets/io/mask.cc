@@ -11,6 +11,7 @@
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
+#include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/picture_parts.h"
 
@@ -93,8 +94,10 @@ cv::Mat InsideCircle(const BodyCamera& camera) {
 }  // namespace
 
 fs::path MaskInFolder(const fs::path& folder, const std::string& image) {
-  for (const fs::path& name : {fs::path(image + ".png"), fs::path(image).replace_extension(".png"),
-                               fs::path(image).filename().replace_extension(".png")}) {
+  const fs::path path(image), name_alone = path.filename();
+  for (const fs::path& name :
+       {fs::path(image + ".png"), fs::path(path).replace_extension(".png"), fs::path(name_alone.string() + ".png"),
+        fs::path(name_alone).replace_extension(".png")}) {
     if (fs::is_regular_file(folder / name)) return folder / name;
   }
   return {};
@@ -197,8 +200,40 @@ cv::Mat SetPhotoMask(const fs::path& photo, const cv::Size& size) {
   return mask;
 }
 
+namespace {
+
+cv::Size StoredSize(const fs::path& picture) {
+  const PhotoMetadata metadata = ReadPhotoMetadata(picture);
+  return {metadata.width, metadata.height};
+}
+
+// Of a partial panorama, as LoadPanorama puts it into the sphere: what lies beside it was not seen. Its mask has its
+// own size or that of the sphere.
+cv::Mat PartialPanoramaMask(const fs::path& mask_file, const fs::path& file, const SpherePart& lies) {
+  const bool of_sphere = !mask_file.empty() && StoredSize(mask_file) == lies.sphere;
+  cv::Mat own = OpaquePart(file, lies.part.size());
+  if (!mask_file.empty() && !of_sphere) Intersect(LoadMask(mask_file, lies.part.size()), &own);
+  cv::Mat mask(lies.sphere, CV_8U, cv::Scalar(0));
+  if (own.empty()) {
+    mask(lies.part).setTo(255);
+  } else {
+    own.copyTo(mask(lies.part));
+  }
+  if (of_sphere) Intersect(LoadMask(mask_file, lies.sphere), &mask);
+  return mask;
+}
+
+}  // namespace
+
 cv::Mat ReferenceMask(const Reference& reference, const fs::path& file, const cv::Size& size) {
   if (reference.kind == ReferenceKind::kPhotoSet) return SetPhotoMask(file, size);
+  if (reference.kind == ReferenceKind::kPanorama) {
+    const PhotoMetadata metadata = ReadPhotoMetadata(file);
+    cv::Size shown(metadata.width, metadata.height);
+    if (metadata.SwapsSides()) std::swap(shown.width, shown.height);
+    const std::optional<SpherePart> lies = PartOfSphere(metadata.gpano, shown);
+    if (lies && lies->sphere == size && shown != size) return PartialPanoramaMask(reference.mask, file, *lies);
+  }
   cv::Mat mask = OpaquePart(file, size);
   if (!reference.mask.empty()) Intersect(LoadMask(reference.mask, size), &mask);
   return mask;

@@ -33,8 +33,9 @@ class RunMasks {
 // line.
 void CheckMasks(const Run& run, int threads, ProgressSink& progress, const CancelToken& cancel);
 
-// Of a file of a reference, as LoadPanorama and LoadPhoto give it: the mask its table names, a set's masks/, and its
-// transparent part. Throws InputError where a mask has not the size of the picture, `size`.
+// Of a file of a reference, as LoadPanorama and LoadPhoto give it: the mask its table names, a set's masks/, its
+// transparent part, and what of the sphere a partial panorama does not show. Throws InputError where a mask has not the
+// size of the picture, which is `size` or, of a partial panorama, its own.
 cv::Mat ReferenceMask(const Reference& reference, const std::filesystem::path& file, const cv::Size& size);
 
 // The mask of a photo of a hand-held set: masks/ beside the photos, and its transparent part.
@@ -43,7 +44,8 @@ cv::Mat SetPhotoMask(const std::filesystem::path& photo, const cv::Size& size);
 // Every file that RunMasks reads beside the images.
 std::vector<std::filesystem::path> MaskFiles(const Run& run);
 
-// The picture in `folder` that masks an image: <name>.png, or the name with .png in place of its ending; empty: none.
+// The picture in `folder` that masks an image: <name>.png, or the name with .png in place of its ending, below the
+// image's own folders or without them; empty: none.
 std::filesystem::path MaskInFolder(const std::filesystem::path& folder, const std::string& image);
 
 }  // namespace trigpoint

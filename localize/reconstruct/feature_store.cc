@@ -36,6 +36,27 @@ void RequireSome(const ExtractionReport& report, const std::string& what) {
   throw InputError(message);
 }
 
+// Width of a panorama as LoadPanorama gives it.
+int WidthOfPanorama(const PhotoMetadata& metadata) {
+  cv::Size stored(metadata.width, metadata.height);
+  if (metadata.SwapsSides()) std::swap(stored.width, stored.height);
+  const std::optional<SpherePart> lies = PartOfSphere(metadata.gpano, stored);
+  return lies ? lies->sphere.width : stored.width;
+}
+
+// Of a photo of a set: some of its photos may be turned or zoomed. One whose EXIF states no focal length has that of
+// the set's first; without any, one that is of use once the set is stitched (localize leaves the photo out before).
+Camera CameraInSet(const Reference& set, PhotoMetadata metadata) {
+  if (!metadata.focal_px && set.camera) {
+    const double side = std::max(metadata.width, metadata.height);
+    metadata.focal_px = set.camera->MeanFocal() * side / std::max(set.camera->width(), set.camera->height());
+  }
+  if (const std::optional<Camera> own = CameraFromMetadata(metadata)) return *own;
+  const bool turned = metadata.SwapsSides();
+  return Camera::FromFieldOfView(turned ? metadata.height : metadata.width, turned ? metadata.width : metadata.height,
+                                 65 * kDegToRad);
+}
+
 // A view of a reference to be looked at.
 struct ViewJob {
   size_t reference, view;
@@ -178,21 +199,13 @@ std::vector<PreparedReference> PrepareReferences(const Site& site, const ViewOpt
       p.reference = static_cast<int>(r);
       p.name = RelativeName(file, site);
       try {
+        const PhotoMetadata metadata = ReadPhotoMetadata(file);
         if (reference.kind == ReferenceKind::kPanorama) {
-          const PhotoMetadata metadata = ReadPhotoMetadata(file);
-          int width = metadata.width;
-          if (metadata.gpano && metadata.gpano->full_width > 0) width = metadata.gpano->full_width;
-          p.rig = PanoramaViews(p.name, width, options);
+          p.rig = PanoramaViews(p.name, WidthOfPanorama(metadata), options);
         } else {
           std::optional<Camera> camera = reference.camera;
-          const PhotoMetadata metadata = ReadPhotoMetadata(file);
+          if (reference.kind == ReferenceKind::kPhotoSet) camera = CameraInSet(reference, metadata);
           if (!camera) camera = CameraFromMetadata(metadata);
-          if (!camera && reference.kind == ReferenceKind::kPhotoSet) {
-            // Of use once the set is stitched; localize leaves it out before.
-            const bool turned = metadata.SwapsSides();
-            camera = Camera::FromFieldOfView(turned ? metadata.height : metadata.width,
-                                             turned ? metadata.width : metadata.height, 65 * kDegToRad);
-          }
           if (!camera) {
             throw InputError(file.string() +
                              ": its focal length is unknown; name a camera in photos.csv or use photos with EXIF");

@@ -209,7 +209,7 @@ std::vector<LowPhoto> RenderLow(const StitchedRig& rig, const Renderer& renderer
     const cv::Mat picture = cache->Get(low.photo);
     cv::resize(picture, small, cv::Size(), factor, factor, cv::INTER_AREA);
     cv::Mat map;
-    renderer.Maps(low.photo, low.region, width, static_cast<double>(small.cols) / picture.cols, &map, &low.inside);
+    renderer.Maps(low.photo, low.region, width, factor, &map, &low.inside);  // OpenCV's scale; its size is rounded
     cv::remap(small, low.picture, map, cv::Mat(), cv::INTER_LINEAR, cv::BORDER_REFLECT);
     low.mask = low.inside > 0.004;
   });

@@ -112,6 +112,8 @@ std::vector<Edge> EdgesOf(const StitchedRig& rig, int photo, const cv::Mat& grey
   for (const cv::Vec4f& l : lines) {
     const double length = std::hypot(l[2] - l[0], l[3] - l[1]) / std::max(small.picture.cols, small.picture.rows);
     if (length < (lens.fisheye ? kShortArc : kShortEdge)) continue;
+    // What a mask hides, and the rim of a fisheye's circle, are no edges of the place.
+    if (view.Depth(small.ToFull({0.5 * (l[0] + l[2]), 0.5 * (l[1] + l[3])})) < 0) continue;
     const auto ray = [&](float x, float y) -> Eigen::Vector3d {
       return p.cam_from_rig.conjugate() * RayOfPixel(view, lens, small.ToFull({x, y}));
     };

@@ -85,6 +85,16 @@ Eigen::Vector2d Decentring(double p1, double p2, const Eigen::Vector2d& q) {
   return {p1 * xy + p2 * (r2 + 2 * q.x() * q.x()), p1 * (r2 + 2 * q.y() * q.y()) + p2 * xy};
 }
 
+// Decentring is 2 (t . q) q + |q|^2 t with t = (p2, p1): t turns as points of the picture do (Oriented in image.cc).
+Eigen::Vector2d DecentringIn(const PairView& view, const Eigen::Vector2d& p1_p2) {
+  double x = p1_p2.y(), y = p1_p2.x();
+  const int o = view.orientation;
+  if (o >= 5) std::swap(x, y);
+  if (o == 2 || o == 6 || o == 3 || o == 7) x = -x;
+  if (o == 4 || o == 8 || o == 3 || o == 7) y = -y;
+  return {y, x};
+}
+
 double HalfView(const PairView& view, const Lens& lens) {
   const double r = view.circle ? view.circle->radius_px : 0.5 * std::hypot(view.width, view.height);
   const Eigen::Vector3d ray = RayOfPixel(view, lens, view.Principal() + Eigen::Vector2d(r, 0));
@@ -109,9 +119,10 @@ Eigen::Vector3d RayOfPixel(const PairView& view, const Lens& lens, const Eigen::
   }
   Eigen::Vector2d x = distorted;
   if (lens.k1 != 0 || lens.k2 != 0 || lens.p1 != 0 || lens.p2 != 0) {
+    const Eigen::Vector2d p = DecentringIn(view, {lens.p1, lens.p2});
     for (int i = 0; i < 20; ++i) {
       const double r2 = x.squaredNorm();
-      x = (distorted - Decentring(lens.p1, lens.p2, x)) / std::max(0.2, 1 + r2 * (lens.k1 + r2 * lens.k2));
+      x = (distorted - Decentring(p.x(), p.y(), x)) / std::max(0.2, 1 + r2 * (lens.k1 + r2 * lens.k2));
     }
   }
   return Eigen::Vector3d(x.x(), x.y(), 1).normalized();
@@ -132,7 +143,8 @@ bool PixelOfRay(const PairView& view, const Lens& lens, const Eigen::Vector3d& r
   const double r2 = x.squaredNorm();
   // Where the distorted radius no longer grows, pixels would be met twice.
   if (1 + r2 * (3 * lens.k1 + 5 * r2 * lens.k2) <= 0.05) return false;
-  const Eigen::Vector2d distorted = (1 + r2 * (lens.k1 + r2 * lens.k2)) * x + Decentring(lens.p1, lens.p2, x);
+  const Eigen::Vector2d p = DecentringIn(view, {lens.p1, lens.p2});
+  const Eigen::Vector2d distorted = (1 + r2 * (lens.k1 + r2 * lens.k2)) * x + Decentring(p.x(), p.y(), x);
   *pixel = lens.focal_px * distorted + view.Principal();
   return true;
 }

@@ -36,6 +36,7 @@ struct PairView {
   const PhotoFeatures* features = nullptr;
   std::optional<ImageCircle> circle;  // of a fisheye that does not fill its frame
   cv::Mat mask = {};                  // 8-bit, 0 = ignored, the whole picture in any size; empty: nothing is
+  int orientation = 1;                // EXIF 1..8: how the stored picture was turned to what is looked at here
 
   // The circle's centre, or the picture's.
   Eigen::Vector2d Principal() const {
@@ -56,6 +57,10 @@ struct PairView {
     return circle ? std::min(in_frame, 1 - (pixel - circle->centre).norm() / circle->radius_px) : in_frame;
   }
 };
+
+// A lens' p1, p2 as the picture shows them. They belong to the lens and its sensor: where the camera was held upright
+// and EXIF turns the picture, they turn with it, and photos held both ways share one lens.
+Eigen::Vector2d DecentringIn(const PairView& view, const Eigen::Vector2d& p1_p2);
 
 // Largest angle between the optical axis and what the photo shows, rad.
 double HalfView(const PairView& view, const Lens& lens);

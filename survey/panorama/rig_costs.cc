@@ -15,7 +15,9 @@ RigObservationCost::RigObservationCost(const PairView& view, bool fisheye, const
       offset_(view.Principal() - pixel),
       rotation_(cam_from_rig.toRotationMatrix()),
       direction_(direction),
-      basis_(TangentBasis(direction)) {}
+      basis_(TangentBasis(direction)) {
+  for (int k = 0; k < 2; ++k) shown_by_lens_.col(k) = DecentringIn(view, Eigen::Vector2d::Unit(k));
+}
 
 bool RigObservationCost::Evaluate(const double* const* blocks, double* residuals, double** jacobians) const {
   using Row3 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
@@ -42,7 +44,8 @@ bool RigObservationCost::Evaluate(const double* const* blocks, double* residuals
   }
   const double r2 = q.squaredNorm(), radial = 1 + r2 * (lens(1) + r2 * lens(2));
   Eigen::Map<Eigen::Vector2d> r(residuals);
-  const double p1 = lens(3), p2 = lens(4);
+  const Eigen::Vector2d p = shown_by_lens_ * lens.tail<2>();
+  const double p1 = p.x(), p2 = p.y();
   const Eigen::Vector2d distorted = radial * q + Decentring(p1, p2, q);
   r = sqrt_info_ * (lens(0) * distorted + offset_);
   if (jacobians == nullptr) return true;
@@ -66,8 +69,8 @@ bool RigObservationCost::Evaluate(const double* const* blocks, double* residuals
     j.col(0) = sqrt_info_ * distorted;
     j.col(1) = lens(0) * r2 * sqrt_info_ * q;
     j.col(2) = r2 * j.col(1);
-    j.col(3) = lens(0) * sqrt_info_ * Decentring(1, 0, q);
-    j.col(4) = lens(0) * sqrt_info_ * Decentring(0, 1, q);
+    for (int k = 0; k < 2; ++k)
+      j.col(3 + k) = lens(0) * sqrt_info_ * Decentring(shown_by_lens_(0, k), shown_by_lens_(1, k), q);
   }
   if (jacobians[3] != nullptr) {
     Eigen::Map<Row3> j(jacobians[3]);

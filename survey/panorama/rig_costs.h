@@ -21,7 +21,8 @@ class RigObservationCost final : public ceres::SizedCostFunction<2, 3, 3, kLensP
  private:
   bool fisheye_;
   Eigen::Matrix2d sqrt_info_;
-  Eigen::Vector2d offset_;  // principal point less observed pixel, px
+  Eigen::Vector2d offset_;         // principal point less observed pixel, px
+  Eigen::Matrix2d shown_by_lens_;  // of p1, p2: DecentringIn of the view
   Eigen::Matrix3d rotation_;
   Eigen::Vector3d direction_;
   Eigen::Matrix<double, 2, 3> basis_;

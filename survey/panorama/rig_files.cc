@@ -57,8 +57,11 @@ void AddRow(const StitchedRig& rig, size_t i, const Matrix6d& covariance, CsvWri
 
 json PlacedPhoto(const StitchedRig& rig, const Composite* composite, size_t i, const Matrix6d& covariance) {
   const Rigid3d pose = RigFromCam(rig.state.photos[i]);
+  const Lens& lens = rig.state.lenses[static_cast<size_t>(rig.state.photos[i].lens)];
+  const Eigen::Vector2d decentring = DecentringIn(rig.views[i], {lens.p1, lens.p2});
   json entry = {{"lens", rig.state.photos[i].lens},
                 {"principal_px", {rig.views[i].Principal().x(), rig.views[i].Principal().y()}},
+                {"decentring", {decentring.x(), decentring.y()}},
                 {"translation_m", Vector(pose.translation)},
                 {"quaternion_xyzw", {pose.rotation.x(), pose.rotation.y(), pose.rotation.z(), pose.rotation.w()}},
                 {"covariance_rotation_rad_translation_m", Numbers(covariance)}};
@@ -159,7 +162,10 @@ Camera ReadCamera(const json& photo, const json& document, const CsvRow& row) {
   // Rigs of before fisheyes have their principal points in the middle.
   const json principal = photo.value("principal_px", json{0.5 * (w - 1), 0.5 * (h - 1)});
   const bool fisheye = lens.at("model").get<std::string>() == CameraModelName(CameraModel::kKannalaBrandt);
-  const double p1 = fisheye ? 0.0 : lens.value("p1", 0.0), p2 = fisheye ? 0.0 : lens.value("p2", 0.0);
+  // Of the picture as shown; rigs of before had one for all photos of a lens.
+  const json decentring = photo.value("decentring", json{lens.value("p1", 0.0), lens.value("p2", 0.0)});
+  const double p1 = fisheye ? 0.0 : decentring.at(0).get<double>();
+  const double p2 = fisheye ? 0.0 : decentring.at(1).get<double>();
   return Camera(fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan, w, h,
                 {f, f, principal.at(0).get<double>(), principal.at(1).get<double>(), lens.at("k1").get<double>(),
                  lens.at("k2").get<double>(), p1, p2});

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 
 namespace trigpoint {
@@ -14,7 +15,10 @@ struct ShrunkPicture {
     const double factor = static_cast<double>(long_side) / std::max(full.cols, full.rows);
     if (!(factor < 1)) return;
     picture.release();
-    cv::resize(full, picture, cv::Size(), factor, factor, cv::INTER_AREA);
+    // To a size, not by a factor: by a factor OpenCV rounds the size and not the scale, so that the lower edge of a
+    // picture whose height the factor does not make whole would lie up to half a small pixel off.
+    const auto side = [&](int pixels) { return std::max(1, static_cast<int>(std::lround(pixels * factor))); };
+    cv::resize(full, picture, cv::Size(side(full.cols), side(full.rows)), 0, 0, cv::INTER_AREA);
     full_per_pixel = {static_cast<double>(full.cols) / picture.cols, static_cast<double>(full.rows) / picture.rows};
   }
   Eigen::Vector2d ToFull(const Eigen::Vector2d& p) const { return (p.array() + 0.5) * full_per_pixel - 0.5; }

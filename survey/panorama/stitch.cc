@@ -116,7 +116,8 @@ class Stitcher {
         photos.push_back(out_.photos[i]);
         out_.features.push_back(std::move(features[i]));
         patches_.push_back(std::move(patches[i]));
-        views.push_back({photos.back().width, photos.back().height, nullptr, circles[i], masks[i]});
+        views.push_back({photos.back().width, photos.back().height, nullptr, circles[i], masks[i],
+                         photos.back().metadata.orientation});
       } else {
         out_.left_out.push_back({out_.photos[i].name, problem[i]});
       }
@@ -987,11 +988,11 @@ Rigid3d RigFromCam(const RigPhoto& photo) { return {photo.cam_from_rig.conjugate
 Camera CameraOf(const StitchedRig& rig, int photo) {
   const PairView& v = rig.views[static_cast<size_t>(photo)];
   const Lens& l = rig.state.lenses[static_cast<size_t>(rig.state.photos[static_cast<size_t>(photo)].lens)];
+  const Eigen::Vector2d p = l.fisheye ? Eigen::Vector2d::Zero() : DecentringIn(v, {l.p1, l.p2});
   return {l.fisheye ? CameraModel::kKannalaBrandt : CameraModel::kRadtan,
           v.width,
           v.height,
-          {l.focal_px, l.focal_px, v.Principal().x(), v.Principal().y(), l.k1, l.k2, l.fisheye ? 0 : l.p1,
-           l.fisheye ? 0 : l.p2}};
+          {l.focal_px, l.focal_px, v.Principal().x(), v.Principal().y(), l.k1, l.k2, p.x(), p.y()}};
 }
 
 }  // namespace trigpoint

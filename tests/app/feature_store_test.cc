@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/estimation/random.h"
+#include "datasets/io/panorama_writer.h"
 #include "datasets/io/text.h"
 #include "datasets/project/hash.h"
 #include "tests/datasets/io_temp_dir.h"
@@ -59,6 +60,56 @@ TEST(ResizedFeatures, KeepTheirRays) {
   for (size_t i = 0; i < found.points.size(); ++i) EXPECT_LT((again.points[i] - found.points[i]).norm(), 1e-3);
 }
 
+cv::Mat Noise(int width, int height, uint64_t seed) {
+  Random random(seed);
+  cv::Mat picture(height, width, CV_8U);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) picture.at<uint8_t>(y, x) = static_cast<uint8_t>(random.Uniform(0, 255));
+  }
+  return picture;
+}
+
+// The camera of a set is that of its first photo; the other was held upright.
+TEST(PrepareReferences, TakesPhotosOfASetAsTheyWereHeld) {
+  const TempDir dir;
+  Site site = SiteWithCamera(150);
+  site.dir = dir.path();
+  Reference& set = site.references.emplace_back();
+  set.kind = ReferenceKind::kPhotoSet;
+  set.camera = Pinhole(160, 120, 150);
+  for (const auto& [name, size] : {std::pair("a.png", cv::Size(160, 120)), {"b.png", cv::Size(120, 160)}}) {
+    ASSERT_TRUE(cv::imwrite((dir / name).string(), Noise(size.width, size.height, set.files.size() + 1)));
+    set.files.push_back(dir / name);
+  }
+  const std::vector<PreparedReference> prepared = PrepareReferences(site, {}, nullptr);
+  ASSERT_EQ(prepared.size(), 2u);
+  const Camera& upright = prepared[1].rig.views.at(0).camera;
+  EXPECT_EQ(upright.width(), 120);
+  EXPECT_EQ(upright.height(), 160);
+  EXPECT_EQ(upright.MeanFocal(), 150);
+  std::filesystem::create_directories(dir / "out");
+  ProgressSink progress;
+  const ExtractionReport report = ExtractReferenceFeatures(site, {}, {}, dir / "out", 1, progress, {});
+  EXPECT_EQ(report.pictures, 2);
+  EXPECT_TRUE(report.skipped.empty());
+}
+
+// A smaller copy keeps the tags of the panorama it was made from; its views have its own resolution.
+TEST(PrepareReferences, ViewsHaveTheResolutionOfTheFile) {
+  const TempDir dir;
+  Site site;
+  site.dir = dir.path();
+  Reference& panorama = site.references.emplace_back();
+  panorama.files = {dir / "a.jpg"};
+  ASSERT_TRUE(cv::imwrite((dir / "a.jpg").string(), Noise(512, 256, 1)));
+  PanoramaMetadata larger;
+  larger.width = 2048, larger.height = 1024;
+  WritePanoramaMetadata(dir / "a.jpg", larger);
+  const std::vector<PreparedReference> prepared = PrepareReferences(site, {}, nullptr);
+  ASSERT_EQ(prepared.size(), 1u);
+  EXPECT_EQ(prepared[0].rig.views.at(0).camera.width(), FullSizeOfView(512, {}));
+}
+
 // A run of four small pictures of noise.
 class FourPictures {
  public:
@@ -73,11 +124,7 @@ class FourPictures {
     }
   }
   void Draw(int image, uint64_t seed) const {
-    Random random(10 * static_cast<uint64_t>(image) + seed);
-    cv::Mat picture(120, 160, CV_8U);
-    for (int y = 0; y < picture.rows; ++y) {
-      for (int x = 0; x < picture.cols; ++x) picture.at<uint8_t>(y, x) = static_cast<uint8_t>(random.Uniform(0, 255));
-    }
+    const cv::Mat picture = Noise(160, 120, 10 * static_cast<uint64_t>(image) + seed);
     cv::imwrite((dir.path() / (std::to_string(image) + ".png")).string(), picture);
   }
   // Into folder `to`, with what folder `before` holds ("": nothing).

@@ -96,6 +96,9 @@ TEST(RunMasks, TakesPicturesFoldersBoxesAndTransparencyTogether) {
   mask.folders = {dir / "masks"};
   ASSERT_TRUE(cv::imwrite((dir / "a.jpg").string(), Ramp(64, 48)));
   EXPECT_EQ(IgnoredHalves(RunMasks(run).Of(Entry(dir / "a.jpg"))), std::make_pair(148, 32));
+  ImageEntry in_folder = Entry(dir / "a.jpg");
+  in_folder.file = "images/a.jpg";
+  EXPECT_EQ(IgnoredHalves(RunMasks(run).Of(in_folder)), std::make_pair(148, 32)) << "as COLMAP's masks are named";
   EXPECT_EQ(IgnoredHalves(RunMasks(run).Of(Entry(dir / "a.png"))), std::make_pair(100, 32)) << "has none in the folder";
 
   cv::Mat transparent(48, 64, CV_8UC4, cv::Scalar(90, 90, 90, 255));
@@ -324,6 +327,40 @@ TEST(LoadPanorama, WantsTwoToOneOrTheTagsThatSayWhere) {
               HasSubstr("make it a panorama 500000 px wide; expected at most 65534 px"));
 }
 
+// The mask of a partial panorama has its size or the sphere's. What lies beside the panorama was not seen.
+TEST(ReferenceMask, OfAPartialPanoramaIsPutIntoTheSphere) {
+  const TempDir dir;
+  const cv::Size sphere(128, 64);
+  cv::imwrite((dir / "part.jpg").string(), Ramp(128, 48));
+  SetExif(dir / "part.jpg", {{"Xmp.GPano.FullPanoWidthPixels", "256"},
+                             {"Xmp.GPano.FullPanoHeightPixels", "128"},
+                             {"Xmp.GPano.CroppedAreaLeftPixels", "0"},
+                             {"Xmp.GPano.CroppedAreaTopPixels", "32"},
+                             {"Xmp.GPano.CroppedAreaImageWidthPixels", "256"},
+                             {"Xmp.GPano.CroppedAreaImageHeightPixels", "96"}});
+  Reference reference;
+  cv::Mat seen = ReferenceMask(reference, dir / "part.jpg", sphere);
+  ASSERT_EQ(seen.size(), sphere);
+  EXPECT_EQ(cv::countNonZero(seen), 48 * 128);
+  EXPECT_EQ(cv::countNonZero(seen.rowRange(0, 16)), 0);
+
+  reference.mask = dir / "mask.png";
+  const auto write_mask = [&](int rows, int ignored) {
+    cv::Mat mask(rows, 128, CV_8U, cv::Scalar(255));
+    mask.rowRange(rows - ignored, rows).setTo(0);
+    ASSERT_TRUE(cv::imwrite(reference.mask.string(), mask));
+  };
+  for (const int rows : {48, 64}) {
+    write_mask(rows, 8);
+    seen = ReferenceMask(reference, dir / "part.jpg", sphere);
+    EXPECT_EQ(cv::countNonZero(seen), 40 * 128) << rows;
+    EXPECT_EQ(cv::countNonZero(seen.rowRange(16, 56)), 40 * 128) << rows;
+  }
+  write_mask(50, 8);
+  EXPECT_THAT(MessageOf<InputError>([&] { ReferenceMask(reference, dir / "part.jpg", sphere); }),
+              HasSubstr("expected a mask of 128 x 48 px as the picture it belongs to, found 128 x 50"));
+}
+
 TEST(PhotoMetadata, TellsWhatTheFileSays) {
   const TempDir dir;
   cv::imwrite((dir / "p.jpg").string(), Ramp(80, 60));
@@ -445,6 +482,13 @@ TEST(PhotoMetadata, FallsBackToTheFocalPlane) {
                           {"Exif.Photo.FocalPlaneResolutionUnit", "2"},
                           {"Exif.Photo.PixelXDimension", "200"}});
   EXPECT_NEAR(ReadPhotoMetadata(dir / "p.jpg").focal_px.value(), 5 * 100 * 0.5, 1e-9);
+  cv::imwrite((dir / "upright.jpg").string(), Ramp(60, 100));  // turned by a program that kept the camera's tags
+  SetExif(dir / "upright.jpg", {{"Exif.Photo.FocalLength", "5/1"},
+                                {"Exif.Photo.FocalPlaneXResolution", "2540/1"},
+                                {"Exif.Photo.FocalPlaneResolutionUnit", "2"},
+                                {"Exif.Photo.PixelXDimension", "200"},
+                                {"Exif.Photo.PixelYDimension", "120"}});
+  EXPECT_NEAR(ReadPhotoMetadata(dir / "upright.jpg").focal_px.value(), 5 * 100 * 0.5, 1e-9);
   cv::imwrite((dir / "bare.png").string(), Ramp(100, 60));
   const PhotoMetadata bare = ReadPhotoMetadata(dir / "bare.png");
   EXPECT_EQ(bare.width, 100);

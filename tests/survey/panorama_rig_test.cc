@@ -96,7 +96,9 @@ StitchedRig Observed(const World& w, double noise_px, uint64_t seed) {
 }
 
 TEST(RigObservationCost, DerivativesAreThoseOfItsResiduals) {
-  const PairView view{kWidth, kHeight, nullptr, std::nullopt};
+  PairView view{kWidth, kHeight, nullptr, std::nullopt};
+  view.orientation = 6;
+  const Eigen::Matrix2d sqrt_info = (Eigen::Matrix2d() << 1.5, 0.2, -0.1, 0.9).finished();
   Random random(7);
   for (const bool fisheye : {false, true}) {
     // On the axis, about it, at the edge, and for a fisheye behind.
@@ -106,7 +108,7 @@ TEST(RigObservationCost, DerivativesAreThoseOfItsResiduals) {
                                    std::cos(theta));
       const Eigen::Quaterniond cam_from_rig = ExpSO3({0.3, -0.8, 0.1});
       const RigObservationCost cost(view, fisheye, cam_from_rig, cam_from_rig.conjugate() * in_cam, {400, 300},
-                                    (Eigen::Matrix2d() << 1.5, 0.2, -0.1, 0.9).finished());
+                                    sqrt_info);
       const std::vector<std::vector<double>> blocks = {
           {0.01, -0.02, 0.005}, {0.1, -0.05, 0.12}, {kFocal, -0.04, 0.01, 0.002, -0.003}, {0.002, -0.001, 0.3}};
       std::vector<const double*> parameters;
@@ -115,6 +117,13 @@ TEST(RigObservationCost, DerivativesAreThoseOfItsResiduals) {
       const ceres::GradientChecker checker(&cost, &none, ceres::NumericDiffOptions());
       ceres::GradientChecker::ProbeResults results;
       EXPECT_TRUE(checker.Probe(parameters.data(), 1e-5, &results)) << fisheye << theta << results.error_log;
+      if (fisheye) continue;  // these have no decentring
+      const double none_moved[3] = {0, 0, 0};
+      const double* const start[] = {none_moved, none_moved, blocks[2].data(), none_moved};
+      Eigen::Vector2d residual, pixel;
+      ASSERT_TRUE(cost.Evaluate(start, residual.data(), nullptr));
+      ASSERT_TRUE(PixelOfRay(view, {kFocal, -0.04, 0.01, false, 0.002, -0.003}, in_cam, &pixel));
+      EXPECT_LT((residual - sqrt_info * (pixel - Eigen::Vector2d(400, 300))).norm(), 1e-8) << theta;
     }
   }
 }
@@ -463,6 +472,7 @@ TEST_F(RigFilesTest, WhatIsWrittenIsRead) {
   rig.state.photos[5].placed = false;
   rig.reason[5] = "does not belong";
   rig.state.lenses[0].p1 = 0.0006, rig.state.lenses[0].p2 = -0.0004;
+  rig.views[6].orientation = 8;
   // One photo less has one block less.
   WriteRigFiles(rig, nullptr, dir_);
   const RigFile file = ReadRigFiles(dir_);

@@ -6,6 +6,7 @@
 
 #include "calib/base/error.h"
 #include "survey/panorama/composite.h"
+#include "survey/panorama/levelling.h"
 #include "survey/panorama/photo_graph.h"
 #include "tests/survey/panorama_scene.h"
 
@@ -194,6 +195,42 @@ TEST(Lens, FisheyePixelsAndRaysAreEachOthersInverse) {
   Eigen::Vector2d pixel;
   EXPECT_FALSE(PixelOfRay(kRound, kFisheye, {0, std::sin(1.9), std::cos(1.9)}, &pixel)) << "beyond the circle";
   EXPECT_NEAR(HalfView(kRound, kFisheye) * kRadToDeg, 98, 1.5);
+}
+
+// What a lens shows in the stored picture it shows in the one that EXIF turns by a quarter to the right.
+TEST(Lens, DecentringTurnsWithThePicture) {
+  const Lens lens{kFocal, 0.05, -0.012, false, 0.002, -0.0015};
+  const PairView stored{kWidth, kHeight, nullptr, std::nullopt};
+  PairView shown{kHeight, kWidth, nullptr, std::nullopt};
+  shown.orientation = 6;
+  const Eigen::Vector3d ray = Eigen::Vector3d(0.4, -0.25, 1).normalized(), turned(-ray.y(), ray.x(), ray.z());
+  Eigen::Vector2d at, at_shown;
+  ASSERT_TRUE(PixelOfRay(stored, lens, ray, &at));
+  ASSERT_TRUE(PixelOfRay(shown, lens, turned, &at_shown));
+  EXPECT_LT((at_shown - Eigen::Vector2d(kHeight - 1 - at.y(), at.x())).norm(), 1e-9);
+  EXPECT_LT((RayOfPixel(shown, lens, at_shown) - turned).norm(), 1e-9);
+}
+
+// Stripes on something that moves with the camera.
+TEST(Level, EdgesThatAMaskHidesCountForNothing) {
+  constexpr int kColumns = 1000, kRows = 750;
+  cv::Mat stripes(kRows, kColumns, CV_8U, cv::Scalar(40));
+  for (int x = 50; x < kColumns; x += 100) stripes.colRange(x, x + 50).setTo(220);
+  for (const bool masked : {false, true}) {
+    StitchedRig rig;
+    rig.state.lenses = {Lens{600}};
+    for (const double heading : {-30.0, 30.0}) {
+      rig.photos.emplace_back();
+      PairView& view = rig.views.emplace_back();
+      view.width = kColumns, view.height = kRows;
+      if (masked) view.mask = cv::Mat(kRows, kColumns, CV_8U, cv::Scalar(0));
+      RigPhoto& photo = rig.state.photos.emplace_back();
+      photo.placed = true;
+      photo.cam_from_rig = CamFromWorld(heading, 0, 0);
+    }
+    LevelRig([&](const Photo&) { return stripes; }, "lines", 1, CancelToken(), &rig);
+    EXPECT_EQ(rig.level_source, masked ? "horizon" : "lines");
+  }
 }
 
 TEST(ImageCircle, FoundOnBlackFramesOnly) {
