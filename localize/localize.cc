@@ -188,16 +188,9 @@ EarthInput CollectEarth(const Task& task, const Localization& result) {
   EarthInput e;
   const BundleProblem& p = result.reconstruction.problem;
   if (input.has_frame) {
-    for (size_t i = 0; i < result.references.size(); ++i) {
-      const GeoTag& tag = input.references[i].geotag;
-      const int pose = result.references[i].pose;
-      if (pose < 0 || (!tag.has_position && !tag.has_heading)) continue;
-      const Rigid3d& rig_from_odom = p.poses[static_cast<size_t>(pose)];
-      e.observations.push_back(GeoObservationOf(tag, input.frame, rig_from_odom.Inverse()));
-      e.observations.back().source = input.references[i].source;
-      e.poses.push_back(pose);
-      e.references.push_back(static_cast<int>(i));
-    }
+    std::vector<int> pose_of;
+    for (const ReferenceAnswer& answer : result.references) pose_of.push_back(answer.pose);
+    static_cast<GeoStart&>(e) = GeotagsOf(input, pose_of, p);
   }
   const bool use_gps = options.use_gps == "always" || (options.use_gps == "auto" && e.observations.empty());
   if (use_gps) {
@@ -238,13 +231,17 @@ GeoRegistration FitSources(const Task& task, const BundleProblem& p, double scal
   return geo;
 }
 
+// The pose with its centre `scale` times as far from `origin`.
+Rigid3d Stretched(Rigid3d pose, const Eigen::Vector3d& origin, double scale) {
+  const Eigen::Vector3d centre = origin + scale * (pose.TargetOriginInSource() - origin);
+  pose.translation = -(pose.rotation * centre);
+  return pose;
+}
+
 // All lengths of the run, from its first place.
 void ApplyScale(double scale, BundleProblem* p) {
   const Eigen::Vector3d origin = p->poses[0].TargetOriginInSource();
-  for (Rigid3d& pose : p->poses) {
-    const Eigen::Vector3d centre = origin + scale * (pose.TargetOriginInSource() - origin);
-    pose.translation = -(pose.rotation * centre);
-  }
+  for (Rigid3d& pose : p->poses) pose = Stretched(pose, origin, scale);
   for (Eigen::Vector3d& y : p->points) y = origin + scale * (y - origin);
   p->scales.front().value = scale;
 }
@@ -388,13 +385,37 @@ void SolveJointly(const Task& task, const RefineReferences& refine, std::vector<
   SolveWith(task, references, sets, result);
 }
 
-void NoteGeotags(const GeoStart& earth, Localization* result) {
+// The views' own poses (G1) and the distances were found before the run's scale was: they follow it.
+void ScaleRegistrations(Localization* result) {
+  const Eigen::Vector3d origin = result->reconstruction.problem.poses[0].TargetOriginInSource();
+  const double scale = result->odometry_scale;
+  for (ReferenceAnswer& answer : result->references) {
+    answer.registration.distance_m *= scale;
+    for (ViewAnswer& view : answer.registration.views) {
+      view.view_from_odom = Stretched(view.view_from_odom, origin, scale);
+      view.distance_m *= scale;
+    }
+  }
+}
+
+void NoteGeotags(const std::vector<ReferenceViews>& references, const GeoStart& earth, Localization* result) {
+  std::map<int, const ReferenceAnswer*> of_set;  // whose geotag is that of all photos of a hand-held set
   for (size_t k = 0; k < earth.references.size(); ++k) {
     if (earth.references[k] < 0) continue;
-    ReferenceAnswer& answer = result->references[static_cast<size_t>(earth.references[k])];
+    const auto i = static_cast<size_t>(earth.references[k]);
+    ReferenceAnswer& answer = result->references[i];
     answer.geotag_used = true;
     answer.geotag_outlier = result->geo.outlier[k];
     answer.geotag_difference = result->geo.residuals[k];
+    if (references[i].set >= 0) of_set[references[i].set] = &answer;
+  }
+  for (size_t i = 0; i < references.size(); ++i) {
+    ReferenceAnswer& answer = result->references[i];
+    const auto shared = of_set.find(references[i].set);
+    if (answer.pose < 0 || shared == of_set.end()) continue;
+    answer.geotag_used = true;
+    answer.geotag_outlier = shared->second->geotag_outlier;
+    answer.geotag_difference = shared->second->geotag_difference;
   }
 }
 
@@ -446,9 +467,10 @@ void Answer(const Task& task, EarthFit earth, Localization* result) {
     answer.registration.covariance = result->pose_covariances[static_cast<size_t>(answer.pose)];
     if (result->on_earth) answer.world = WorldPose(*result, answer.pose);
   }
+  if (result->odometry_scale != 1) ScaleRegistrations(result);
   const size_t body_poses = task.input.odom_from_body.size();
   if (result->on_earth) {
-    NoteGeotags(earth.input, result);
+    NoteGeotags(task.input.references, earth.input, result);
     RejectContradicted(task.options.registration.min_contradicted_inliers, result);
     std::vector<PoseEstimate> bodies(body_poses);
     ParallelFor(static_cast<int64_t>(body_poses), task.threads, task.cancel,

@@ -1,6 +1,7 @@
 #include "localize/run_solution.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "calib/base/error.h"
 
@@ -49,6 +50,7 @@ SolutionReference ReferenceOf(const ReferenceViews& views, const ReferenceAnswer
   r.distance_m = g.distance_m;
   if (answer.geotag_used) r.geotag = answer.geotag_outlier ? "outlier" : "ok";
   r.geotag_difference = answer.geotag_difference;
+  if (!views.geotag.has_height) r.geotag_difference.z() = std::nan("");
   return r;
 }
 

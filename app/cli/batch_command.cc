@@ -85,8 +85,9 @@ int Show(const Session& session, const fs::path& folder, const BatchPlan& plan, 
          const std::string& next) {
   const std::vector<BatchResult> results = WriteSummary(session, folder, plan);
   const int exit_code = ExitCodeOf(results);
-  session.PrintDetails(FormatBatch(results) + "\n");
-  Ending ending = BatchEnding(results, headline);
+  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
+  session.PrintDetails(FormatBatch(results, unit) + "\n");
+  Ending ending = BatchEnding(results, headline, unit);
   ending.Look("Summary", folder / "summary.md").Look("Reports", folder / "index.html");
   ending.RestIn(ShownPath(folder / "logs"));
   if (!next.empty()) ending.Next(next);

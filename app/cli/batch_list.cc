@@ -181,16 +181,17 @@ std::vector<BatchEntry> ReadBatchList(const std::string& list) {
   return entries;
 }
 
-std::string FormatBatch(const std::vector<BatchResult>& results) {
+std::string FormatBatch(const std::vector<BatchResult>& results, const DisplayUnit& unit) {
   std::vector<std::vector<std::string>> lines{
-      {"project", "status", "exit", "median m", "against", "gate", "time", "CPU s", "memory MiB", "error"}};
+      {"project", "status", "exit", "median " + unit.name, "against", "gate", "time", "CPU s", "memory MiB", "error"}};
   for (const BatchResult& r : results) {
     const double median = MedianOf(r, "median_m");
     std::string error = r.error;
     std::replace(error.begin(), error.end(), '|', '/');
     lines.push_back({r.entry.name, r.status, std::to_string(r.exit_code),
-                     std::isfinite(median) ? fmt::format("{:.3f}", median) : "-", TextOf(r, "median_against"),
-                     VerdictOf(r), DurationText(r.seconds), fmt::format("{:.1f}", r.cpu_seconds),
+                     std::isfinite(median) ? fmt::format("{:.3f}", median / unit.metres) : "-",
+                     TextOf(r, "median_against"), VerdictOf(r), DurationText(r.seconds),
+                     fmt::format("{:.1f}", r.cpu_seconds),
                      fmt::format("{:.0f}", static_cast<double>(r.peak_memory_bytes) / (1 << 20)), error});
   }
   std::vector<std::vector<std::string>> costs{{"stage", "tasks", "attempts", "time", "CPU s", "memory MiB"}};
@@ -202,7 +203,7 @@ std::string FormatBatch(const std::vector<BatchResult>& results) {
   return AlignMarkdown(lines) + "\n" + Counts(results) + "\n\n" + AlignMarkdown(costs);
 }
 
-Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& headline) {
+Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& headline, const DisplayUnit& unit) {
   Ending ending(headline + ": " + Counts(results));
   for (const StageCost& c : CostsOf(results)) {
     if (c.attempts == 0) continue;
@@ -214,15 +215,19 @@ Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& h
   std::vector<std::pair<double, std::string>> medians;
   for (const BatchResult& r : results) {
     if (const double median = MedianOf(r, "median_m"); std::isfinite(median))
-      medians.emplace_back(median, r.entry.name);
+      medians.emplace_back(median / unit.metres, r.entry.name);
     if (r.status == "failed") ending.Problem("Failed", r.entry.name + ": " + r.error);
     if (r.status == "gate") ending.Problem("Gate", r.entry.name + ": " + VerdictOf(r));
   }
   if (medians.empty()) return ending;
   std::sort(medians.begin(), medians.end());
-  return ending.Fact("Median", fmt::format("{:.2f} m of {} projects; best {:.2f} m ({}), worst {:.2f} m ({})",
-                                           medians[medians.size() / 2].first, medians.size(), medians.front().first,
-                                           medians.front().second, medians.back().first, medians.back().second));
+  const size_t n = medians.size();
+  const double middle = 0.5 * (medians[(n - 1) / 2].first + medians[n / 2].first);
+  const auto named = [&](const auto& median) {
+    return fmt::format("{:.2f} {} ({})", median.first, unit.name, median.second);
+  };
+  return ending.Fact("Median", fmt::format("{:.2f} {} of {}; best {}, worst {}", middle, unit.name,
+                                           Counted(n, "project"), named(medians.front()), named(medians.back())));
 }
 
 json BatchJson(const std::vector<BatchResult>& results) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "app/cli/ending.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 
@@ -37,9 +38,10 @@ struct BatchResult {
 void RequireBatchFolder(const std::filesystem::path& folder);
 // summary.json, summary.csv, summary.md in `folder`.
 void WriteBatchSummary(const std::vector<BatchResult>& results, const std::filesystem::path& folder);
-// `headline` with the counts; failed and not passed, the worst medians, what the stages cost.
-Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& headline);
-std::string FormatBatch(const std::vector<BatchResult>& results);
+// `headline` with the counts; failed and not passed, the median of the projects' medians with the best and the worst,
+// what the stages cost. Lengths in `unit`.
+Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& headline, const DisplayUnit& unit);
+std::string FormatBatch(const std::vector<BatchResult>& results, const DisplayUnit& unit = {});
 nlohmann::json BatchJson(const std::vector<BatchResult>& results);
 
 }  // namespace trigpoint

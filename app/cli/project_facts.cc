@@ -46,7 +46,7 @@ class VerdictFacts {
     if (points != data_.survey.end() && points->is_array()) {
       for (const nlohmann::json& point : *points) {
         const std::string name = TextAt(point, "name");
-        if (TextAt(point, "role") != "check" || name.empty()) continue;
+        if (!FlagAt(point, "checked") || name.empty()) continue;  // not those that moved
         const bool is_tag = name.find_first_not_of("0123456789") == std::string::npos;
         names.push_back((is_tag ? "tag " : "") + name);
       }

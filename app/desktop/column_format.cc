@@ -26,6 +26,10 @@ ColumnFormat FormatOf(const QString& column, bool numeric) {
     format.unit = QString::fromUtf8(unit);
     format.decimals = decimals;
   }
+  if (column.endsWith("_deg_m")) {  // no length: it stays as the file has it, whatever unit is shown
+    format.name = column.chopped(static_cast<int>(qstrlen("_deg_m")));
+    format.unit = "deg/m";
+  }
   if (kLengths.contains(column)) format.unit = "m", format.decimals = 4;
   if (kPixels.contains(column)) format.unit = "px", format.decimals = 3;
   if (column == "timestamp") format.unit = "s", format.decimals = 3;

@@ -191,7 +191,7 @@ StageInfo SiteStage() {
   info.variants = true;
   info.first_on_request = true;
   info.needs = {"features", "references", "detect", "reconstruct", "localize"};
-  info.reviewed = {"image", "panorama"};
+  info.reviewed = {"image", "panorama", "detection", "tag", "control"};  // tags link runs without `use`, too
   info.metric = "largest_panorama_sigma_m";
   info.flags = {"use", "reference"};
   info.also_needs = [](const Project& project, const StageTarget& target) {
@@ -201,13 +201,16 @@ StageInfo SiteStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SiteStageOptions>(project, "site", target);
     StageRequest request;
-    request.version = 1;
+    request.version = 2;
     request.options = JsonFromOptions(options);
     for (const std::string& run : RunsOf(project, options)) {
       const StageTarget localized = Localized(run, target);
       request.inputs.push_back(ManifestOf(project, "localize", localized));
       const fs::path detections = ManifestOf(project, "detect", {run, "", {}});
-      if (fs::exists(detections)) request.inputs.push_back(detections);
+      if (fs::exists(detections)) {
+        request.inputs.push_back(detections);
+        if (fs::exists(project.dir() / "tags.yaml")) request.inputs.push_back(project.dir() / "tags.yaml");
+      }
       AddWorldInputs(project, localized, options.world, &request);
       request.values["runs"].push_back(run);
     }

@@ -16,6 +16,7 @@
 #include "datasets/io/text.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
+#include "datasets/solution/solution_model.h"
 #include "eval/errors/evaluation_files.h"
 #include "eval/errors/reference_maps.h"
 #include "eval/errors/rotation_errors.h"
@@ -226,8 +227,10 @@ TagDerivatives AddOwnTags(const EvaluateStageOptions& options, const Run& run, c
   std::vector<std::string> warnings;
   std::vector<ImageDetections> images = ReadDetections(detections, options.tags.extra_sigma_px, &warnings);
   LeaveOutExcluded(context.project.review(), run.name, images);
-  MoveToImageTimes(run, context.project.site().tags, &images);
-  const OwnViews own = TagViews(run, evaluated->result, images);
+  Run seen = run;
+  if (solution != nullptr) TakeLenses(*solution, &seen.cameras);
+  MoveToImageTimes(seen, context.project.site().tags, &images);
+  const OwnViews own = TagViews(seen, evaluated->result, images);
   const auto estimate = [&](const TagSizes& sizes) {
     return EstimateTagPoses(own.views, sizes, options.tags, context.threads, context.progress, context.cancel);
   };
@@ -502,7 +505,7 @@ StageInfo EvaluateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     StageRequest request;
-    request.version = 13;
+    request.version = 14;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);

@@ -9,6 +9,8 @@
 #include <set>
 
 #include "app/pipeline/command_line.h"
+#include "app/pipeline/image_motion.h"
+#include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/export/crs.h"
@@ -133,12 +135,16 @@ std::vector<Path> PathsOf(const Project& project, const ExportRequest& request, 
       paths.push_back({"cameras_odom" + suffix, "odom", camera.name, ReadTrajectory(odom).poses});
   }
   Path panoramas{"panoramas", wants_odom ? "odom" : "world", "pano", {}};
-  int64_t number = 0;
+  std::map<std::string, int64_t> row_of;  // the solution may have them in another order than the table
+  const CsvTable table = CsvTable::Read(dir / "panoramas.csv", {"panorama"});
+  for (const CsvRow& row : table.rows()) row_of.try_emplace(row.Text("panorama"), static_cast<int64_t>(row_of.size()));
   for (const PanoramaResult& p : ReadLocalizeResult(dir).panoramas) {
     const auto& pose = wants_odom ? p.odom_from_pano : p.world_from_pano;
-    if (pose) panoramas.poses.push_back({number * 1'000'000'000, *pose});
-    ++number;
+    const auto row = row_of.find(p.panorama);
+    if (pose && row != row_of.end()) panoramas.poses.push_back({row->second * 1'000'000'000, *pose});
   }
+  std::sort(panoramas.poses.begin(), panoramas.poses.end(),
+            [](const TimedPose& a, const TimedPose& b) { return a.stamp_ns < b.stamp_ns; });
   if (!panoramas.poses.empty()) paths.push_back(std::move(panoramas));
   return paths;
 }
@@ -306,14 +312,19 @@ void ExportLayout(const Project& project, const ExportRequest& request, ExportRe
   report->lines.push_back(Counted(tags.size(), "tag") + ", in the frame of the survey's map");
 }
 
-void ExportCameras(const Project& project, const std::string& run, const fs::path& out, ExportReport* report) {
+// With the lenses that the run's results rest on: those that `reconstruct` has found, if it has.
+void ExportCameras(const Project& project, const ExportRequest& request, const std::string& name, const fs::path& out,
+                   ExportReport* report) {
+  Run run = project.run(name);
+  const StageTarget target{name, request.variant, nlohmann::json::object()};
+  FollowFoundLenses(ReconstructionManifest(project, "localize", target).parent_path(), &run);
   report->files.push_back(out / "camchain.yaml");
   std::error_code ignored;
   fs::create_directories(out, ignored);
-  WriteCamchain(report->files.back(), project.run(run).cameras, {"cameras of run " + run + ", written by trigpoint"});
-  const auto cameras = std::count_if(project.run(run).cameras.begin(), project.run(run).cameras.end(),
+  WriteCamchain(report->files.back(), run.cameras, {"cameras of run " + name + ", written by trigpoint"});
+  const auto cameras = std::count_if(run.cameras.begin(), run.cameras.end(),
                                      [](const BodyCamera& camera) { return !camera.IsFurtherView(); });
-  report->lines.push_back(run + ": " + Counted(cameras, "camera"));
+  report->lines.push_back(name + ": " + Counted(cameras, "camera"));
 }
 
 // Everything but maps: `request.out` is the folder of the one run, or of folders by run.
@@ -334,7 +345,7 @@ void ExportRuns(const Project& project, const ExportRequest& request, bool one_f
     } else if (request.to == "gpano") {
       ExportGPano(project, request, run, out, report, cancel);
     } else if (request.to == "kalibr") {
-      ExportCameras(project, run, out, report);
+      ExportCameras(project, request, run, out, report);
     } else {
       ExportScene(project, request, run, out, report, cancel);
     }

@@ -137,7 +137,7 @@ StageInfo ReportStage() {
     auto options = ResolveOptions<ReportOptions>(project, "report", target);
     KeepPdf(project, target, &options);
     StageRequest request;
-    request.version = 18;
+    request.version = 19;
     request.options = JsonFromOptions(options);
     request.inputs = Shown(project);
     ReportInput input;

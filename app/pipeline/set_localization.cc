@@ -183,7 +183,8 @@ void WriteRigs(const std::vector<SetRefinement>& sets, const Localization& resul
       {"panorama",   "photo",      "freedom",    "tx", "ty", "tz", "qx",       "qy",       "qz",       "qw",
        "sigma_tx_m", "sigma_ty_m", "sigma_tz_m", "x",  "y",  "z",  "world_qx", "world_qy", "world_qz", "world_qw"},
       {"trigpoint rigs 1; tx..qw: rig_from_cam, origin=mean of the photos' centres, metres by the run's points; "
-       "x..world_qw: world_from_cam, site ENU, empty if not known; sigma=1, relative to the origin"});
+       "x..world_qw: world_from_cam, site ENU, empty if not known or the set is rejected; sigma=1, relative to the "
+       "origin"});
   for (const SetRefinement& set : sets) {
     const Registration& g = result.references[static_cast<size_t>(set.reference)].registration;
     for (const View& view : set.rig.rig.views) {
@@ -197,7 +198,7 @@ void WriteRigs(const std::vector<SetRefinement>& sets, const Localization& resul
       };
       put(view.rig_from_view);
       for (int k = 3; k < 6; ++k) csv.Number(std::sqrt(std::max(0.0, view.covariance(k, k))), 5);
-      if (result.on_earth) {
+      if (result.on_earth && g.status == AnswerStatus::kLocalized) {
         put(result.geo.world_from_odom.TransformPose(g.rig_from_odom.Inverse() * view.rig_from_view));
       } else {
         csv.Empty(7);

@@ -42,8 +42,27 @@ void WriteRun(const SiteAdjustment& site, size_t index, const fs::path& dir) {
 // The panoramas of one row: photos of a set that was not stitched share one.
 struct Row {
   const SolutionReference* shown = nullptr;  // the first that is localized
+  std::vector<Eigen::Vector3d> places;       // of all that are
   std::set<int> runs;
 };
+
+// As `localize` has it: the set lies at the mean of its photos' places, with the attitude and sigmas of the first.
+void PutPlaced(CsvWriter& csv, const Solution& s, const Row& row, const LocalFrame& frame) {
+  const SolutionReference& r = *row.shown;
+  PoseEstimate pose{OdomFromRig(s, r.pose), WorldCovariance(s, r.pose)};
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& place : row.places) mean += place / static_cast<double>(row.places.size());
+  const Eigen::Vector3d to_shown = pose.world_from_x.translation - mean;
+  pose.world_from_x.translation = mean;
+  PutWorldPose(csv, pose);
+  PutGeodeticPose(csv, frame, pose.world_from_x);
+  if (r.geotag.empty()) {
+    csv.Empty(3).Text("unused");
+    return;
+  }
+  for (double d : Eigen::Vector3d(r.geotag_difference + to_shown)) csv.Number(d, 4);
+  csv.Text(r.geotag);
+}
 
 void WritePanoramas(const SiteAdjustment& site, const fs::path& dir) {
   const Solution& s = site.solution;
@@ -55,6 +74,7 @@ void WritePanoramas(const SiteAdjustment& site, const fs::path& dir) {
     if (fresh) names.push_back(r.row);
     Row& row = at->second;
     if (row.shown == nullptr || (row.shown->pose < 0 && r.pose >= 0)) row.shown = &r;
+    if (r.pose >= 0) row.places.push_back(OdomFromRig(s, r.pose).translation);
     row.runs.insert(site.runs_of_reference[i].begin(), site.runs_of_reference[i].end());
   }
   CsvWriter csv({"panorama",
@@ -85,23 +105,16 @@ void WritePanoramas(const SiteAdjustment& site, const fs::path& dir) {
                 {Comment(site, "panoramas")});
   const LocalFrame frame(s.georeference->origin);
   for (const std::string& name : names) {
-    const SolutionReference& r = *rows[name].shown;
+    const Row& row = rows[name];
+    const SolutionReference& r = *row.shown;
     csv.Text(name).Text(r.station).Text(r.status).Text(r.reason);
     if (r.pose < 0) {
       csv.Empty(20);
     } else {
-      const PoseEstimate pose{OdomFromRig(s, r.pose), WorldCovariance(s, r.pose)};
-      PutWorldPose(csv, pose);
-      PutGeodeticPose(csv, frame, pose.world_from_x);
-      if (r.geotag.empty()) {
-        csv.Empty(3).Text("unused");
-      } else {
-        for (double d : r.geotag_difference) csv.Number(d, 4);
-        csv.Text(r.geotag);
-      }
+      PutPlaced(csv, s, row, frame);
     }
     std::vector<std::string> runs;
-    for (int run : rows[name].runs) runs.push_back(s.runs[static_cast<size_t>(run)].name);
+    for (int run : row.runs) runs.push_back(s.runs[static_cast<size_t>(run)].name);
     csv.Text(fmt::format("{}", fmt::join(runs, "+")));
     csv.EndRow();
   }

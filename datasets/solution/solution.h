@@ -45,7 +45,7 @@ struct SolutionReference {
   double inlier_ratio = 0;
   double distance_m = 0;  // to the nearest camera
   std::string geotag;     // "ok", "outlier": its part in the georeference; "": none
-  Eigen::Vector3d geotag_difference = Eigen::Vector3d::Zero();  // stated - estimated, ENU, m
+  Eigen::Vector3d geotag_difference = Eigen::Vector3d::Zero();  // stated - estimated, ENU, m; up: NaN without a height
 };
 
 // One of several runs that were adjusted together: which of the solution's cameras, images and body poses are its. Each

@@ -135,6 +135,7 @@ nlohmann::json PairedJson(const ComparedGroup& group) {
           {"only_b", p.only_b},
           {"median_difference_m", p.median_difference_m ? nlohmann::json(*p.median_difference_m) : nullptr},
           {"difference_interval_m", interval},
+          {"confidence", p.confidence},
           {"sign_p", p.sign_p},
           {"wilcoxon_p", p.wilcoxon_p}};
 }

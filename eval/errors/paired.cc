@@ -69,6 +69,7 @@ double WilcoxonSignedRankTest(const std::vector<double>& differences) {
 PairedComparison ComparePaired(const std::vector<ErrorRow>& a, const std::vector<ErrorRow>& b,
                                const BootstrapOptions& options) {
   PairedComparison c;
+  c.confidence = options.confidence;
   const auto cells_a = ByCell(a), cells_b = ByCell(b);
   std::map<std::string, int> runs, stations;
   std::vector<ClusteredValue> clustered;
@@ -116,7 +117,8 @@ std::string Describe(const PairedComparison& c, const std::string& a, const std:
     text = fmt::format("{} is better than {} in {} of {} pairs; median of {} - {}: {:.3f} {}", b, a, c.b_better,
                        c.pairs, b, a, -*c.median_difference_m / metres_per_unit, unit);
     if (c.difference_interval_m) {
-      text += fmt::format(" ({:.3f} to {:.3f})", -c.difference_interval_m->high / metres_per_unit,
+      text += fmt::format(" ({:.4g} % interval {:.3f} to {:.3f})", 100 * c.confidence,
+                          -c.difference_interval_m->high / metres_per_unit,
                           -c.difference_interval_m->low / metres_per_unit);
     }
     text +=

@@ -23,6 +23,7 @@ struct PairedComparison {
   int a_better = 0, b_better = 0;
   std::optional<double> median_difference_m;      // of a - b: positive where b is better
   std::optional<Interval> difference_interval_m;  // clustered by station and run
+  double confidence = 0;                          // of the interval
   // Of the differences' means by station: cells of one station are no independent evidence.
   int stations = 0;
   double sign_p = 1, wilcoxon_p = 1;
@@ -32,8 +33,8 @@ struct PairedComparison {
 // the first counts.
 PairedComparison ComparePaired(const std::vector<ErrorRow>& a, const std::vector<ErrorRow>& b,
                                const BootstrapOptions& options = {});
-// One sentence: "b is better in 7 of 9 pairs, median difference 0.12 m (0.03 to 0.25), p = 0.04 (Wilcoxon, 9
-// stations)".
+// One sentence: "b is better than a in 7 of 9 pairs; median of b - a: -0.120 m (95 % interval -0.250 to -0.030), p =
+// 0.04 (Wilcoxon) and 0.18 (sign) over 9 stations".
 std::string Describe(const PairedComparison& comparison, const std::string& a, const std::string& b,
                      const std::string& unit = "m", double metres_per_unit = 1);
 

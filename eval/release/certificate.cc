@@ -8,12 +8,12 @@
 #include <set>
 
 #include "calib/base/counted.h"
-#include "calib/base/median.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/errors/results.h"
 #include "eval/release/compared.h"
 #include "eval/report/document.h"
+#include "eval/statistics/statistics.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {
@@ -216,23 +216,27 @@ class Page {
           Tone::kWarning);
     }
     Table table{"check_points",
-                "Check points: map less stated coordinates.",
+                "Check points: map less stated coordinates; sigma: of that difference, H: of each axis. Moved: the tag "
+                "was seen at two places, so that the point does not count in the numbers above.",
                 {{"point"},
                  {"dE (m)", true},
                  {"dN (m)", true},
                  {"dU (m)", true},
                  {"sigma H (m)", true},
                  {"sigma V (m)", true},
-                 {"standardised", true}},
+                 {"standardised", true},
+                 {"status"}},
                 {}};
     for (const json& point : f_.survey.value("points", json::array())) {
       if (point.value("role", "") != "check" || !point.contains("map_minus_stated_m")) continue;
       const json& d = point["map_minus_stated_m"];
+      const bool counts = point.value("checked", true);
       std::vector<TableCell> row = {{point.value("name", "")}};
       for (const json& number : {d[0], d[1], d[2], point["sigma_h_m"], point["sigma_v_m"]}) {
         row.push_back({number.is_number() ? fmt::format("{:.4f}", number.get<double>()) : ""});
       }
       row.push_back({fmt::format("{:.1f}", std::sqrt(std::max(0.0, point.value("chi2_3dof", 0.0))))});
+      row.push_back({counts ? "check" : "moved", {}, counts ? Tone::kPlain : Tone::kWarning});
       table.rows.push_back(std::move(row));
     }
     blocks_.push_back(table);
@@ -245,12 +249,12 @@ class Page {
         sigmas.push_back(tag.sigma_m->norm());
     }
     if (sigmas.empty()) return;
-    std::sort(sigmas.begin(), sigmas.end());
-    data_["predicted"] = {{"tags", sigmas.size()}, {"median_m", Median(sigmas)}, {"largest_m", sigmas.back()}};
+    const double median = Quantile(sigmas, 0.5), largest = Quantile(sigmas, 1);
+    data_["predicted"] = {{"tags", sigmas.size()}, {"median_m", median}, {"largest_m", largest}};
     Say(
         fmt::format("Predicted by the adjustment, for {} in space (1 sigma, its datum included): median {:.3f} m, "
                     "largest {:.3f} m. A prediction, not a test.",
-                    Counted(sigmas.size(), "tag"), Median(sigmas), sigmas.back()));
+                    Counted(sigmas.size(), "tag"), median, largest));
   }
 
   // Of positions of panoramas and cameras, where they were held against something independent.

@@ -41,13 +41,24 @@ bool Belongs(const ErrorRecord& e, const nlohmann::json& group) {
          (!group.contains("shares_evidence") || e.shares_evidence == FlagAt(group, "shares_evidence"));
 }
 
+// Of the evaluations' intervals.
+std::string ConfidenceText(const ReportData& data) {
+  std::set<double> all;
+  for (const VariantData& v : data.variants) all.insert(At(v.summary, {"confidence"}).value_or(0.95));
+  std::string text;
+  for (const double confidence : all) text += fmt::format("{}{:.4g} %", text.empty() ? "" : " or ", 100 * confidence);
+  return text;
+}
+
 void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& groups, std::vector<Block>* blocks) {
   const std::string u = " (" + c.unit.name + ")";
   Table table{"accuracy",
               "3D differences between answers and references. relative: in the run's own frame, tags seen by the same "
-              "cameras, as in the paper; absolute: in site ENU, errors of the global fit included. Median, its 95 % "
-              "interval, mean, P90 and largest are over answers; the attempts' median counts an abstention as worse "
-              "than any number. ANEES: mean squared error in units of its covariance, 1 where sigmas are right.",
+              "cameras, as in the paper; absolute: in site ENU, errors of the global fit included. Median, its " +
+                  ConfidenceText(c.data) +
+                  " interval, mean, P90 and largest are over answers; the attempts' median counts an abstention as "
+                  "worse than any number. ANEES: mean squared error in units of its covariance, 1 where sigmas are "
+                  "right.",
               {{"method"},
                {"against"},
                {"answers", true},

@@ -12,11 +12,12 @@ namespace {
 
 constexpr size_t kMostCharts = 8;
 
-// Share of the errors' components within two sigmas of them, in percent; unset without sigmas.
+// Share of the errors' components within two sigmas of them, in percent; unset for an estimate without sigmas of its
+// own: those of the reference alone are no claim about its errors.
 std::optional<double> WithinTwoSigmas(const TrajectoryScore& score) {
   int within = 0, all = 0;
   for (const ErrorAlong& e : score.images) {
-    if (!e.error_m || !e.sigma_m) continue;
+    if (!e.error_m || !e.sigma_m || !e.stated) continue;
     for (int k = 0; k < 3; ++k) within += std::abs((*e.error_m)[k]) <= 2 * (*e.sigma_m)[k];
     all += 3;
   }
@@ -30,7 +31,8 @@ Table ScoreTable(const ChapterContext& c) {
       "ATE: root mean square distance in the site's frame, with its 95 % interval by blocks in time; the lower end is "
       "without the reference's uncertainty, which the estimate may share; fitted: after a rigid fit; RPE: over "
       "consecutive pieces of the path. "
-      "Within 2 sigma: components of the errors; 95 % where stated sigmas are right.",
+      "Within 2 sigma: components of the errors, of estimate and reference together; 95 % where stated sigmas are "
+      "right.",
       {{"system"},
        {"run"},
        {"images", true},
@@ -44,7 +46,7 @@ Table ScoreTable(const ChapterContext& c) {
        {"RPE (deg)", true, "the path has no piece of this length"},
        {"RPE length" + u, true},
        {"pieces", true},
-       {"within 2 sigma (%)", true}},
+       {"within 2 sigma (%)", true, "the system states no sigmas"}},
       {}};
   const auto plain = [](const std::optional<double>& v, int decimals) {
     return TableCell{v ? fmt::format("{:.{}f}", *v, decimals) : "", v};

@@ -46,8 +46,9 @@ class SurveyChapter {
     Accuracy();
     PlanOfPoints();
     Points("check", "survey_check",
-           "Check points: surveyed, but no part of the solution. d: map minus stated; sigma: of that difference; "
-           "standardised: the difference in its sigmas, in space (3 degrees of freedom: 95 % are below 2.8).");
+           "Check points: surveyed, but no part of the solution. d: map minus stated; sigma: of that difference, H: of "
+           "each axis; standardised: the difference in its sigmas, in space (3 degrees of freedom: 95 % are below "
+           "2.8). Moved: not counted above.");
     Points("control", "survey_control",
            "Control points: part of the solution, so that their residuals are smaller than the map's errors. Left out: "
            "the difference in space if the map were made without the point, linearly; - where nothing else holds a "

@@ -13,7 +13,8 @@ namespace trigpoint {
 struct ErrorAlong {
   double time_s = 0;                       // since the run began
   std::optional<Eigen::Vector3d> error_m;  // east, north, up; unset: absent, and the line is broken
-  std::optional<Eigen::Vector3d> sigma_m;  // 1 sigma of it
+  std::optional<Eigen::Vector3d> sigma_m;  // 1 sigma of it: the reference's, and the estimate's where `stated`
+  bool stated = false;                     // the estimate states a sigma of its own
   std::string object;                      // its image, see Spot
 };
 

@@ -182,6 +182,7 @@ class Reader {
       }
       e.error_m = vector("d", "_m");
       const auto reference = vector("reference_sigma_", "_m"), own = vector("sigma_", "_m");
+      e.stated = own.has_value();
       if (reference) {
         e.sigma_m = own ? Eigen::Vector3d((reference->cwiseAbs2() + own->cwiseAbs2()).cwiseSqrt()) : *reference;
       }

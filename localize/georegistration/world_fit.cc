@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "calib/base/error.h"
 #include "calib/base/median.h"
@@ -390,6 +391,24 @@ GeoObservation GeoObservationOf(const GeoTag& tag, const LocalFrame& frame, cons
   o.sigma_h_m = tag.sigma_h_m, o.sigma_v_m = tag.sigma_v_m;
   o.sigma_heading_rad = tag.sigma_heading_rad, o.sigma_tilt_rad = tag.sigma_tilt_rad;
   return o;
+}
+
+GeoStart GeotagsOf(const LocalizeInput& input, const std::vector<int>& pose_of, const BundleProblem& problem) {
+  GeoStart start;
+  std::set<int> sets;  // whose geotag is counted
+  for (size_t i = 0; i < pose_of.size(); ++i) {
+    const ReferenceViews& reference = input.references[i];
+    const GeoTag& tag = reference.geotag;
+    const int pose = pose_of[i];
+    if (pose < 0 || (!tag.has_position && !tag.has_heading)) continue;
+    if (reference.set >= 0 && !sets.insert(reference.set).second) continue;
+    start.observations.push_back(
+        GeoObservationOf(tag, input.frame, problem.poses[static_cast<size_t>(pose)].Inverse()));
+    start.observations.back().source = reference.source;
+    start.poses.push_back(pose);
+    start.references.push_back(static_cast<int>(i));
+  }
+  return start;
 }
 
 bool IsOutlier(const GeoObservation& o, const Eigen::Vector3d& off, const GeoRegistrationOptions& options) {

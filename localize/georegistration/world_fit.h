@@ -81,6 +81,9 @@ std::optional<Rigid3d> PoseOfAnchors(const std::vector<Anchor>& anchors, const s
 
 // A geotag as an observation of a rig's place; without a height the site's origin is the best guess.
 GeoObservation GeoObservationOf(const GeoTag& tag, const LocalFrame& frame, const Rigid3d& odom_from_rig);
+// Those of references that have a pose (`pose_of`, -1: none) in `problem`. The photos of one hand-held set share a
+// geotag, which is one statement: it counts once, for the first photo that has a pose.
+GeoStart GeotagsOf(const LocalizeInput& input, const std::vector<int>& pose_of, const BundleProblem& problem);
 // Whether a position is beyond the gate; off: said - estimated, world, m.
 bool IsOutlier(const GeoObservation& o, const Eigen::Vector3d& off, const GeoRegistrationOptions& options);
 

@@ -72,20 +72,6 @@ WorldEvidence JoinTags(const std::vector<SiteRun>& runs, const JoinedRuns& joine
   return out;
 }
 
-GeoStart GeotagsOf(const JoinedRuns& joined) {
-  GeoStart start;
-  for (size_t i = 0; i < joined.references.size(); ++i) {
-    const GeoTag& tag = joined.input.references[i].geotag;
-    if (joined.references[i].pose < 0 || (!tag.has_position && !tag.has_heading)) continue;
-    const BundleProblem& p = joined.reconstruction.problem;
-    start.observations.push_back(
-        GeoObservationOf(tag, joined.input.frame, p.poses[static_cast<size_t>(joined.references[i].pose)].Inverse()));
-    start.poses.push_back(joined.references[i].pose);
-    start.references.push_back(static_cast<int>(i));
-  }
-  return start;
-}
-
 std::vector<std::vector<GpsPlace>> GpsOf(const std::vector<SiteRun>& runs, const std::vector<bool>& by_gps, bool all,
                                          const JoinedRuns& joined) {
   std::vector<std::vector<GpsPlace>> gps(runs.size());
@@ -107,6 +93,7 @@ void NoteGeotags(const GeoStart& start, const GeoRegistrationOptions& options, J
     SolutionReference& r = joined->references[static_cast<size_t>(start.references[i])];
     r.geotag_difference = o.position - p.poses[static_cast<size_t>(r.pose)].TargetOriginInSource();
     r.geotag = IsOutlier(o, r.geotag_difference, options) ? "outlier" : "ok";
+    if (!o.has_height) r.geotag_difference.z() = std::nan("");
   }
 }
 
@@ -214,14 +201,13 @@ SiteAdjustment AdjustSite(std::vector<SiteRun> runs, const WorldEvidence& eviden
   LeaveOutUnplaced(&runs, &placed, &out.warnings);
   std::vector<bool> by_gps;
   std::vector<Rigid3d> before;  // of the body poses, each run by itself
-  for (const SiteRun& run : runs) {
-    const Solution& s = run.solution;
+  for (size_t i = 0; i < runs.size(); ++i) {
+    const Solution& s = runs[i].solution;
     by_gps.push_back(s.georeference && s.georeference->source == "gps");
-    for (size_t k = 0; k < s.pose_stamps.size(); ++k) {
-      before.push_back(
-          s.georeference ? s.georeference->world_from_odom.TransformPose(OdomFromRig(s, static_cast<int>(k))).Inverse()
-                         : s.problem.poses[k]);
-    }
+    // One without a georeference lies where its panoramas and tags put it.
+    const Sim3d& world_from_odom = s.georeference ? s.georeference->world_from_odom : *placed[i].world_from_odom;
+    for (size_t k = 0; k < s.pose_stamps.size(); ++k)
+      before.push_back(world_from_odom.TransformPose(OdomFromRig(s, static_cast<int>(k))).Inverse());
   }
   JoinedRuns joined = JoinRuns(&runs, placed, options.geo.tilt_sigma_deg * kDegToRad);
   Reconstruction& r = joined.reconstruction;
@@ -231,7 +217,9 @@ SiteAdjustment AdjustSite(std::vector<SiteRun> runs, const WorldEvidence& eviden
   std::vector<std::set<int>> runs_of_tag;
   const WorldEvidence world = JoinTags(runs, joined, evidence, &runs_of_tag);
   for (const WorldTag& tag : world.tags) out.tags.push_back(tag.id);
-  const GeoStart start = GeotagsOf(joined);
+  std::vector<int> pose_of;
+  for (const SolutionReference& reference : joined.references) pose_of.push_back(reference.pose);
+  const GeoStart start = GeotagsOf(joined.input, pose_of, r.problem);
   SiteFitInput site;
   site.run_of_image = joined.run_of_image;
   site.gps = GpsOf(runs, by_gps, evidence.gps, joined);

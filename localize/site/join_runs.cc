@@ -118,11 +118,16 @@ class Placing {
   std::map<std::string, Rigid3d> world_;  // where shared things lie
 };
 
-// The first view of each localized reference of a run's problem: they follow the cameras, in the order of the poses.
+// The first view of each reference of a run's problem: they follow the cameras, in the order of the poses. A reference
+// that was rejected after the solution has lost its pose, but its observations and views are still in the problem.
 std::map<int, int> FirstViews(const SiteRun& run) {
+  const Solution& s = run.solution;
   std::map<int, size_t> by_pose;
-  for (size_t i = 0; i < run.solution.references.size(); ++i) {
-    if (run.solution.references[i].pose >= 0) by_pose[run.solution.references[i].pose] = i;
+  for (size_t k = 0; k < s.image_of.size(); ++k) {
+    if (s.image_of[k] < 0) by_pose[s.problem.observations[k].pose] = static_cast<size_t>(-1 - s.image_of[k]);
+  }
+  for (size_t i = 0; i < s.references.size(); ++i) {
+    if (s.references[i].pose >= 0) by_pose[s.references[i].pose] = i;
   }
   std::map<int, int> first;
   int view = static_cast<int>(run.input.cameras.size());

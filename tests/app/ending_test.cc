@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "app/cli/batch_list.h"
 #include "app/cli/excerpts.h"
 #include "app/cli/terminal.h"
 #include "datasets/io/readable.h"
@@ -94,6 +95,30 @@ TEST(Ending, WritesPathsAndListsAsPeopleReadThem) {
   EXPECT_EQ(TakenText(125), "2 min 5 s");
   EXPECT_EQ(TakenText(3780), "63 min 0 s");
   EXPECT_EQ(TakenText(7380), "2 h 3 min");
+}
+
+// A project whose evaluation shows this median.
+BatchResult Evaluated(const std::string& name, double median_m) {
+  BatchResult result;
+  result.entry.name = name;
+  result.status = "done";
+  nlohmann::json evaluate = {{"stage", "evaluate"}};
+  evaluate["metrics"]["median_m"] = median_m;
+  result.stages.push_back(evaluate);
+  return result;
+}
+
+TEST(BatchEnding, TheMedianIsTheMiddleOfTheProjectsInTheUnitShown) {
+  std::vector<BatchResult> results = {Evaluated("c", 3), Evaluated("a", 1)};
+  EXPECT_THAT(BatchEnding(results, "Batch", {}).Text(12),
+              HasSubstr("2.00 m of 2 projects; best 1.00 m (a), worst 3.00 m (c)"));
+  results.push_back(Evaluated("b", 1.5));
+  EXPECT_THAT(BatchEnding(results, "Batch", {"half", 0.5}).Text(12),
+              HasSubstr("3.00 half of 3 projects; best 2.00 half (a), worst 6.00 half (c)"));
+  const std::string table = FormatBatch(results, {"half", 0.5});
+  EXPECT_THAT(table, HasSubstr("median half"));
+  EXPECT_THAT(table, HasSubstr("6.000"));
+  EXPECT_THAT(BatchEnding({Evaluated("a", 1)}, "Batch", {}).Text(12), HasSubstr("1.00 m of 1 project;"));
 }
 
 }  // namespace

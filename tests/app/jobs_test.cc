@@ -209,6 +209,15 @@ TEST_F(JobsTest, WhatReadsAllThatIsThereComesAfterAllOfIt) {
                           "gates: stitch/S1 first/run1 second/run2"));
 }
 
+// Tags link the runs that are adjusted together, whatever else holds them.
+TEST(SiteStageTest, HeedsTheReviewOfTags) {
+  const ProjectFolder folder;
+  const auto values = [&] { return MakeRequest(Project::Open(folder.dir()), StageNamed("site"), {"", "", {}}).values; };
+  const nlohmann::json before = values();
+  AppendReview(Project::Open(folder.dir()), {"exclude", "tag:1", "", "it was moved", "anna"});
+  EXPECT_NE(values(), before);
+}
+
 TEST(PlanJobs, UnknownNamesComeWithTheNearest) {
   const ProjectFolder folder;
   const Project project = Project::Open(folder.dir());

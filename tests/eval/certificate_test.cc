@@ -27,8 +27,8 @@ class CertificateTest : public testing::Test {
   }
   void TearDown() override { fs::remove_all(dir_); }
 
-  std::string Page(int check_points, const std::string& author) {
-    json survey = {{"datum", "control"}};
+  std::string Page(int check_points, const std::string& author, const json& points = json::array()) {
+    json survey = {{"datum", "control"}, {"points", points}};
     survey["check"] = {{"n", check_points},
                        {"rmse_h_m", 0.01},
                        {"rmse_v_m", 0.01},
@@ -76,6 +76,22 @@ TEST_F(CertificateTest, CountsInTheSingular) {
   EXPECT_THAT(one, HasSubstr("1 file, 1 of them in the release"));
   EXPECT_THAT(one, Not(HasSubstr("1 check points")));
   EXPECT_THAT(Page(2, ""), HasSubstr("tested at 2 check points only"));
+}
+
+json CheckPoint(const std::string& name, double east_m, bool checked) {
+  return {{"name", name},       {"role", "check"},   {"checked", checked}, {"map_minus_stated_m", {east_m, 0, 0}},
+          {"sigma_h_m", 0.005}, {"sigma_v_m", 0.01}, {"chi2_3dof", 4.0}};
+}
+
+// The tag of a check point was moved: its difference is none of the map's, and no part of the RMSE above the table.
+TEST_F(CertificateTest, MarksCheckPointsThatDoNotCount) {
+  const std::string counted = Page(1, "", json::array({CheckPoint("57", 0.01, true)}));
+  EXPECT_THAT(counted, HasSubstr("0.0100"));
+  EXPECT_THAT(counted, HasSubstr(">check<"));
+  EXPECT_THAT(counted, Not(HasSubstr(">moved<")));
+  const std::string page = Page(1, "", json::array({CheckPoint("57", 0.01, true), CheckPoint("59", 0.8, false)}));
+  EXPECT_THAT(page, HasSubstr("0.8000"));
+  EXPECT_THAT(page, HasSubstr(">moved<"));
 }
 
 }  // namespace

@@ -39,6 +39,9 @@ TEST(CompareErrors, PairsOursWithThePapersMode) {
   EXPECT_NEAR(*groups[0].paired.median_difference_m, 0.9 * 1.25, 1e-12);
   const std::string text = FormatComparison(groups, "paper", "ours");
   EXPECT_THAT(text, HasSubstr("ours is better than paper in 6 of 6 pairs"));
+  EXPECT_THAT(text, HasSubstr("(95 % interval "));
+  EXPECT_THAT(FormatComparison(CompareErrors(paper, ours, {.confidence = 0.9}), "paper", "ours"),
+              HasSubstr("(90 % interval "));
   const nlohmann::json json = ComparisonJson(groups, "paper", "ours");
   EXPECT_EQ(json.at("groups").at(0).at("b_better"), 6);
   EXPECT_EQ(json.at("schema"), "trigpoint compare 1");

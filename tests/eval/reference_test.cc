@@ -115,6 +115,25 @@ ReferencePoses Estimate(const Drive& drive, ReferencePoseOptions options = {}) {
   return EstimateReferencePoses(drive.input, options, progress, CancelToken());
 }
 
+// The motion is that of the body, on its clock; images are on the clock of their camera.
+TEST(ReferencePoses, TheMotionIsTakenWhenTheImagesWereTaken) {
+  const Drive drive(1);
+  Drive shifted(1);
+  constexpr double kShift_s = 0.2;  // of half a second between images
+  shifted.input.cameras[0].time_offset_s = kShift_s;
+  for (TimedPose& pose : shifted.input.motion.poses) pose.stamp_ns += std::llround(1e9 * kShift_s);
+  const ReferencePoses expected = Estimate(drive), result = Estimate(shifted);
+  ASSERT_EQ(result.poses.size(), expected.poses.size());
+  for (size_t i = 0; i < result.poses.size(); ++i) {
+    EXPECT_EQ(result.poses[i].stamp_ns, expected.poses[i].stamp_ns);
+    EXPECT_EQ(result.poses[i].status, expected.poses[i].status);
+    ASSERT_EQ(result.poses[i].world_from_cam.has_value(), expected.poses[i].world_from_cam.has_value());
+    if (!result.poses[i].world_from_cam) continue;
+    const Rigid3d &a = *result.poses[i].world_from_cam, &b = *expected.poses[i].world_from_cam;
+    EXPECT_LT((a.translation - b.translation).norm(), 1e-9);
+  }
+}
+
 TEST(ReferencePoses, GiveEveryImageAPoseAndSayWhichAreBridged) {
   const Drive drive(1);
   const ReferencePoses result = Estimate(drive);

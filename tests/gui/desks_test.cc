@@ -24,6 +24,7 @@
 #include <QTextFrame>
 #include <QTranslator>
 
+#include "app/desktop/column_format.h"
 #include "app/desktop/column_help.h"
 #include "app/desktop/compare_desk.h"
 #include "app/desktop/images_desk.h"
@@ -200,6 +201,16 @@ TEST_F(DesksTest, TablesStandInATreeWithUnitsColoursAndBlanksLast) {
   QTest::qWait(200);
   EXPECT_TRUE(WaitFor([&] { return view_->model()->columnCount() == 4 && view_->isColumnHidden(2); }));
   QFile::remove(Path("results/evaluate/extra.csv"));
+}
+
+TEST(ColumnFormat, ADriftForEachMetreIsNoLength) {
+  const DisplayUnit feet{"ft", 0.3048};
+  const ColumnFormat drift = FormatOf("heading_drift_deg_m", true);
+  EXPECT_EQ(drift.Header(feet), QString("heading_drift (deg/m)"));
+  EXPECT_EQ(drift.Cell("0.25", feet), QString("0.2500"));
+  const ColumnFormat length = FormatOf("repeatability_m", true);
+  EXPECT_EQ(length.Header(feet), QString("repeatability (ft)"));
+  EXPECT_EQ(length.Cell("0.6096", feet), QString("2.0000"));
 }
 
 TEST_F(DesksTest, ResidualLeadsToItsImageAndThePixel) {

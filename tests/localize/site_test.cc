@@ -307,9 +307,14 @@ TEST(Site, RunWithoutGeoreferenceIsPlacedByWhatItShares) {
   Random random(5);
   const World w = MakeWorld(&random);
   std::vector<SiteRun> runs = {MakeRun(0, w, &random), MakeRun(1, w, &random)};
-  runs[1].solution.georeference.reset();
+  Solution& alone = runs[1].solution;
+  alone.georeference.reset();
+  const Rigid3d far(Eigen::Quaterniond::Identity(), Eigen::Vector3d(1000, 0, 0));  // its frame begins anywhere
+  for (Rigid3d& pose : alone.problem.poses) pose = pose * far.Inverse();
+  for (Eigen::Vector3d& point : alone.problem.points) point = far * point;
   const SiteAdjustment site = Adjust(runs);
   ASSERT_EQ(site.runs.size(), 2u);
+  EXPECT_LT(site.runs[1].largest_move_m, 5) << "from where its panoramas put it";
   EXPECT_LT(BodyChi2(site.solution, 1, kPoses / 2), kMostChi2);
   // It lies as well beside the other one as that run's own noise allows.
   const Eigen::Vector3d apart = OdomFromRig(site.solution, site.solution.runs[1].first_pose + 9).translation -
@@ -329,6 +334,49 @@ TEST(Site, PanoramaThatOneRunPutsElsewhereIsLeftOutOfIt) {
   EXPECT_NE(site.warnings[0].find("p2"), std::string::npos) << site.warnings[0];
   EXPECT_EQ(site.runs[1].shared_panoramas, kPanoramas - 1);
   EXPECT_LT(BodyChi2(site.solution, 1, kPoses / 2), kMostChi2);
+}
+
+// `localize` takes the pose of a panorama back that its geotag contradicts; its views and observations stay.
+TEST(Site, ViewsOfPanoramasStayTheirOwnBesideARejectedOne) {
+  Random random(9);
+  const World w = MakeWorld(&random);
+  std::vector<SiteRun> runs = {MakeRun(0, w, &random)};
+  SolutionReference& rejected = runs[0].solution.references[1];
+  rejected.status = "rejected", rejected.pose = -1;
+  std::vector<std::string> warnings;
+  const std::vector<PlacedRun> placed = PlaceRuns(runs, &warnings);
+  const JoinedRuns joined = JoinRuns(&runs, placed, 0.1);
+  const BundleProblem& p = joined.reconstruction.problem;
+  int seen = 0;
+  for (size_t k = 0; k < p.observations.size(); ++k) {
+    const int image = joined.reconstruction.image_of[k];
+    if (image >= 0) continue;
+    const auto panorama = static_cast<size_t>(-1 - image);
+    ASSERT_NE(panorama, 1u);
+    const std::vector<View>& views = w.panoramas[panorama].rig.views;
+    const auto view = static_cast<size_t>(joined.view_of[k]), at = static_cast<size_t>(p.observations[k].view);
+    ASSERT_LT(view, views.size());
+    ASSERT_LT(at, p.views.size());
+    EXPECT_LT(AngleBetween(p.views[at].rotation, views[view].rig_from_view.rotation.conjugate()), 1e-6);
+    ++seen;
+  }
+  EXPECT_GT(seen, 0);
+}
+
+TEST(Site, NotesWhatGeotagsState) {
+  Random random(10);
+  const World w = MakeWorld(&random);
+  std::vector<SiteRun> runs = {MakeRun(0, w, &random), MakeRun(1, w, &random)};
+  for (SiteRun& run : runs) {
+    for (const size_t k : {0U, 1U}) run.input.references[k].set = 5;  // photos of one hand-held set share a geotag
+    run.input.references[2].geotag.has_height = false;
+  }
+  const Solution s = Adjust(runs).solution;
+  EXPECT_NE(s.references[0].geotag, "");
+  EXPECT_EQ(s.references[1].geotag, "") << "it is one statement";
+  EXPECT_LT(s.references[2].geotag_difference.head<2>().norm(), 2);
+  EXPECT_TRUE(std::isnan(s.references[2].geotag_difference.z()));
+  EXPECT_LT(s.references[3].geotag_difference.norm(), 3);
 }
 
 TEST(Site, WithoutAnyDatumIsRefused) {

@@ -260,6 +260,24 @@ TEST(WorldFit, TagThatWasMovedIsLeftOut) {
   EXPECT_LT(outcome.nees, 33);  // 99.99 % of 9
 }
 
+TEST(GeotagsOf, PhotosOfAHandHeldSetStateOneGeotag) {
+  LocalizeInput input;
+  input.frame = LocalFrame({48, 11, 500});
+  for (const int set : {-1, 7, 7, 7, 8, -1}) {
+    ReferenceViews& photo = input.references.emplace_back();
+    photo.set = set;
+    photo.geotag.has_position = true;
+    photo.geotag.position = {48, 11, 500};
+  }
+  BundleProblem problem;
+  problem.poses.resize(5);
+  // The first photo of set 7 is not localized.
+  const GeoStart start = GeotagsOf(input, {0, -1, 1, 2, 3, 4}, problem);
+  EXPECT_EQ(start.references, (std::vector<int>{0, 2, 4, 5}));
+  EXPECT_EQ(start.poses, (std::vector<int>{0, 1, 3, 4}));
+  EXPECT_EQ(start.observations.size(), 4u);
+}
+
 TEST(WorldFit, AMapOfElsewhereIsRefused) {
   Random random(8);
   Drive drive = MakeDrive(8);

@@ -374,6 +374,38 @@ TEST_F(ReportTest, SharedEvidenceHasItsOwnCurvesOfConsistency) {
   EXPECT_THAT(html, Not(HasSubstr("(n = 2)<")));
 }
 
+TEST_F(ReportTest, StatesTheConfidenceOfTheIntervals) {
+  WriteResults();
+  nlohmann::json summary = nlohmann::json::parse(site_.Read("results/evaluate/summary.json"));
+  summary["confidence"] = 0.9;
+  site_.Write("results/evaluate/summary.json", summary.dump());
+  const std::string html = Report();
+  EXPECT_THAT(html, HasSubstr("Median, its 90 % interval"));
+  EXPECT_THAT(html, Not(HasSubstr("its 95 % interval, mean")));
+}
+
+// How often sigmas hold is only known of a system that states them.
+TEST_F(ReportTest, SigmasOfTheReferenceAloneSayNothingOfASystem) {
+  WriteResults();
+  nlohmann::json systems = nlohmann::json::array();
+  for (const char* system : {"bare", "stating"}) {
+    systems.push_back({{"system", system}, {"run", "run1"}, {"attempts", 2}, {"answers", 2}, {"rmse_m", 0.03}});
+  }
+  site_.Write("results/evaluate/estimates.json", nlohmann::json({{"estimates", systems}}).dump());
+  site_.Write("results/evaluate/estimates.csv",
+              "system,run,timestamp,de_m,dn_m,du_m,reference_sigma_e_m,reference_sigma_n_m,reference_sigma_u_m,"
+              "sigma_e_m,sigma_n_m,sigma_u_m\n"
+              "bare,run1,1,0.03,0,0,0.01,0.01,0.01,,,\n"
+              "bare,run1,2,0.03,0,0,0.01,0.01,0.01,,,\n"
+              "stating,run1,1,0.03,0,0,0.01,0.01,0.01,0.02,0.02,0.02\n"
+              "stating,run1,2,0.03,0,0,0.01,0.01,0.01,0.02,0.02,0.02\n");
+  const std::string html = Report();
+  const std::string table = site_.Read("out/tables/cameras.csv");
+  EXPECT_THAT(table, testing::ContainsRegex("\nbare,run1,[^\n]*,\n"));
+  EXPECT_THAT(table, testing::ContainsRegex("\nstating,run1,[^\n]*,100\\.0\n"));
+  EXPECT_THAT(html, HasSubstr("the system states no sigmas"));
+}
+
 TEST_F(ReportTest, HostileNamesStayText) {
   WriteResults();
   const std::string evil = "<img src=x onerror=alert(1)>";
