@@ -16,12 +16,16 @@
 namespace trigpoint {
 namespace {
 
-// Median distance from the middle, in plan: heights of fixes are the noisiest.
-double ReachOf(const std::vector<Eigen::Vector2d>& places) {
-  std::vector<double> x, y, distances;
-  for (const Eigen::Vector2d& p : places) x.push_back(p.x()), y.push_back(p.y());
-  const Eigen::Vector2d middle(Median(std::move(x)), Median(std::move(y)));
-  for (const Eigen::Vector2d& p : places) distances.push_back((p - middle).norm());
+// Median distance from the middle.
+double ReachOf(const std::vector<Eigen::Vector3d>& places) {
+  Eigen::Vector3d middle;
+  for (int k = 0; k < 3; ++k) {
+    std::vector<double> along;
+    for (const Eigen::Vector3d& p : places) along.push_back(p[k]);
+    middle[k] = Median(std::move(along));
+  }
+  std::vector<double> distances;
+  for (const Eigen::Vector3d& p : places) distances.push_back((p - middle).norm());
   return Median(std::move(distances));
 }
 
@@ -30,7 +34,10 @@ std::vector<Eigen::Vector3d> TopsOf(const Run& run, const LocalizeInput& input) 
   std::map<std::string, const ImageEntry*> entries;
   for (const ImageEntry& entry : run.images) entries[entry.file] = &entry;
   std::vector<Eigen::Vector3d> tops;
-  for (const FrameImage& image : input.images) tops.push_back(TopOf(run, *entries.at(image.name)));
+  for (const FrameImage& image : input.images) {
+    const bool by_body = input.cameras[static_cast<size_t>(image.camera)].has_extrinsics;  // its top is not asked for
+    tops.push_back(by_body ? Eigen::Vector3d(-Eigen::Vector3d::UnitY()) : TopOf(run, *entries.at(image.name)));
+  }
   return tops;
 }
 
@@ -41,15 +48,17 @@ std::optional<double> LengthByGps(const std::vector<GpsFix>& gps, const std::vec
   constexpr double kSigmas = 3;  // the median of noise alone, 1.18 sigma, makes what is this long 8 % longer
   if (gps.empty()) return {};
   const LocalFrame frame(gps.front().position);
-  std::vector<Eigen::Vector2d> found, said;
+  std::vector<Eigen::Vector3d> found, said;
   std::vector<double> sigmas;
   for (const GpsFix& fix : gps) {
     const auto near = std::min_element(motion.begin(), motion.end(), [&](const TimedPose& a, const TimedPose& b) {
       return std::llabs(a.stamp_ns - fix.stamp_ns) < std::llabs(b.stamp_ns - fix.stamp_ns);
     });
     if (near == motion.end() || std::llabs(near->stamp_ns - fix.stamp_ns) > kSameTimeNs) continue;
-    found.emplace_back(near->target_from_body.translation.head<2>());
-    said.emplace_back(frame.EnuFromGeodetic(fix.position).head<2>());
+    // In space: pictures that all look down with one heading do not show which way is up.
+    found.push_back(near->target_from_body.translation);
+    said.push_back(frame.EnuFromGeodetic(fix.position));
+    said.back().z() = 0;  // heights of fixes are the noisiest
     sigmas.push_back(fix.sigma_h_m);
   }
   if (found.size() < 3) return {};

@@ -20,7 +20,7 @@ inline constexpr double kUnknownScaleSigma = 10;
 inline constexpr const char* kMotionFile = "motion.tum";
 inline constexpr const char* kFoundCamerasFile = "camchain.yaml";
 
-// By how much images' own motion (its z up) is too short, by fixes at the times of its poses: true over found length.
+// By how much images' own motion is too short, by fixes at the times of its poses: true over found length.
 // Nothing where GPS does not show more than its own noise. A few wrong fixes do not matter.
 std::optional<double> LengthByGps(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion);
 

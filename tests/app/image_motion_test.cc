@@ -39,6 +39,14 @@ TEST(LengthByGps, IsThatOfMostFixes) {
   EXPECT_FALSE(LengthByGps(MakeWalk(50).gps, walk.motion)) << "as long as its noise";
   walk.gps.resize(2);
   EXPECT_FALSE(LengthByGps(walk.gps, walk.motion));
+  // A strip of pictures straight down: their frame may stand on its side.
+  walk = MakeWalk(5);
+  for (TimedPose& pose : walk.motion) {
+    const Eigen::Vector3d level = pose.target_from_body.translation;
+    pose.target_from_body.translation = {0, level.x(), level.y()};
+  }
+  ASSERT_TRUE(LengthByGps(walk.gps, walk.motion));
+  EXPECT_NEAR(*LengthByGps(walk.gps, walk.motion), kTrueLength, 1e-3);
 }
 
 }  // namespace
