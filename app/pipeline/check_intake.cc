@@ -170,7 +170,8 @@ bool FolderWatch::IsStable(const fs::path& file, const FileStamp& stamp) {
   const auto [it, fresh] = last_.try_emplace(file, Seen{stamp, now});
   const bool same = it->second.stamp == stamp;
   if (!same) it->second = {stamp, now};
-  // A file of a camera or server whose clock is ahead is dated in the future: it counts from when it was first seen so.
+  // A camera or server whose clock is ahead dates its files in the future: their age counts from when they were first
+  // seen with that date.
   const auto ns = [](auto duration) { return std::chrono::nanoseconds(duration).count(); };
   const int64_t age_ns = ns(std::chrono::system_clock::now().time_since_epoch()) - stamp.changed_ns;
   return same && stamp.size > 0 && std::max(age_ns, int64_t{ns(now - it->second.since)}) > kStable_ns;

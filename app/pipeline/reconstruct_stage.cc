@@ -149,8 +149,8 @@ void RequireArms(const Run& run, const LocalizeInput& input, const Reconstructio
       (run.dir / "camchain.yaml").string(), arm.norm()));
 }
 
-// Refuses odometry that contradicts every pair of images. Few pairs, whose motions are near the right ones, tell
-// nothing of its noise and pass the check before; but a run of which no pair agrees rests on odometry alone.
+// Refuses odometry with which no pair of images agrees. The check before the reconstruction lets odometry pass whose
+// motions are a few degrees off, and a few pairs do not show its noise; the result would rest on odometry alone.
 void RequireAgreement(const Run& run, const LocalizeInput& input, const RunReconstruction& result) {
   constexpr int kLeast = 3;  // two pairs may both be wrong by a repeated facade
   if (result.pairs_joined > 0) return;

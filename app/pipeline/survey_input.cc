@@ -479,8 +479,9 @@ void AddDistances(const Project& project, SurveyJob* job) {
   }
 }
 
-// The frame that the control's coordinates are in: the site's, unless all are x_m, y_m, z_m and geotags and GPS
-// (without them the site's origin, by far) are elsewhere, or the site has no origin.
+// The frame that the control's coordinates are in. It is the site's, with two exceptions: the site has no origin, or
+// all control is given as x_m, y_m, z_m and lies elsewhere than geotags and GPS (without them: far from the site's
+// origin).
 std::optional<LocalFrame> FrameOfControl(const Project& project, const SurveyJob& job) {
   if (!project.has_frame()) return std::nullopt;
   std::vector<double> control[2], satellites[2];
