@@ -318,10 +318,9 @@ StageInfo CalibrateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const CalibrateStageOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 2;
+    request.version = 3;
     request.options = JsonFromOptions(options);
     if (!options.hand_eye.empty()) {
-      request.version = 3;
       request.inputs = HandEyeInputs(project, options.hand_eye);
       request.body = [options](StageContext& context) {
         CalibrateHandEyeOfRun(options.hand_eye, options.hand_eye_options, context);

@@ -88,7 +88,7 @@ bool IsCovered(const Coverage& coverage, int width, int height, const Eigen::Vec
 
 void ProjectionUncertainty::Multiply(double factor) {
   for (double& sigma : sigma_px) sigma *= factor;
-  for (double* sigma : {&median_covered_px, &max_covered_px, &max_px}) *sigma *= factor;
+  for (double* sigma : {&median_covered_px, &max_covered_px, &max_px, &rms_covered_px}) *sigma *= factor;
 }
 
 ProjectionUncertainty MeasureUncertainty(const CalibratedCamera& calibrated, const Coverage& coverage) {
@@ -123,6 +123,7 @@ ProjectionUncertainty MeasureUncertainty(const CalibratedCamera& calibrated, con
   result.no_ray_share = static_cast<double>(without) / static_cast<double>(pixels.size());
   const Eigen::MatrixXd rotation_by_params = normal.ldlt().solve(right);  // 3 x count; undone
   std::vector<double> covered;
+  double sum = 0;
   for (size_t i = 0; i < pixels.size(); ++i) {
     if (!pixels[i].has_ray) {
       result.sigma_px.push_back(kNan);
@@ -136,9 +137,11 @@ ProjectionUncertainty MeasureUncertainty(const CalibratedCamera& calibrated, con
     result.max_px = std::max(result.max_px, sigma);
     if (!result.covered[i]) continue;
     covered.push_back(sigma);
+    sum += c.trace();
     result.max_covered_px = std::max(result.max_covered_px, sigma);
   }
   result.median_covered_px = Median(covered);
+  result.rms_covered_px = covered.empty() ? 0 : std::sqrt(sum / static_cast<double>(covered.size()));
   return result;
 }
 
@@ -187,8 +190,7 @@ CameraDifference CompareCameras(const Camera& a, const Camera& b, const Coverage
 
 CrossValidation CrossValidate(const CalibrationInput& input, const CalibrateOptions& options,
                               const Calibration& calibration, const std::vector<Coverage>& coverage,
-                              const std::vector<ProjectionUncertainty>& uncertainty, ProgressSink& progress,
-                              const CancelToken& cancel) {
+                              ProgressSink& progress, const CancelToken& cancel) {
   CrossValidation result;
   // Every other frame, of those that are used, so that both halves have the same kinds of views.
   std::vector<bool> first(input.frames.size(), false), second(input.frames.size(), false);
@@ -225,16 +227,9 @@ CrossValidation CrossValidate(const CalibrationInput& input, const CalibrateOpti
       const auto pooled = [](double x, double y) { return std::sqrt(0.5 * (x * x + y * y)); };
       result.rms_own_px.push_back(pooled(a.cameras[c].rms_px, b.cameras[c].rms_px));
       result.rms_other_px.push_back(pooled(a_on_b[c], b_on_a[c]));
-      // What the halves' own covariances predict; the largest axis stands for both, so this is rather too much.
-      const ProjectionUncertainty ua = MeasureUncertainty(a.cameras[c], coverage[c]);
-      const ProjectionUncertainty ub = MeasureUncertainty(b.cameras[c], coverage[c]);
-      double sum = 0, n = 0;
-      for (size_t i = 0; i < ua.sigma_px.size(); ++i) {
-        if (!uncertainty[c].covered[i] || !std::isfinite(ua.sigma_px[i]) || !std::isfinite(ub.sigma_px[i])) continue;
-        sum += ua.sigma_px[i] * ua.sigma_px[i] + ub.sigma_px[i] * ub.sigma_px[i];
-        n += 1;
-      }
-      result.ratio.push_back(sum > 0 ? result.difference[c].rms_covered_px / std::sqrt(sum / n) : 0);
+      const double predicted = std::hypot(MeasureUncertainty(a.cameras[c], coverage[c]).rms_covered_px,
+                                          MeasureUncertainty(b.cameras[c], coverage[c]).rms_covered_px);
+      result.ratio.push_back(predicted > 0 ? result.difference[c].rms_covered_px / predicted : 0);
     }
     result.done = true;
   } catch (const NumericError& e) {

@@ -40,6 +40,7 @@ struct ProjectionUncertainty {
   std::vector<double> sigma_px;  // largest standard deviation in any direction; NaN where the pixel has no ray
   std::vector<bool> covered;
   double median_covered_px = 0, max_covered_px = 0, max_px = 0;
+  double rms_covered_px = 0;     // root mean square of a pixel's shift, both axes together, over the covered part
   double no_ray_share = 0;       // part of the picture whose pixels have no ray: the model folds back there
   void Multiply(double factor);  // every sigma
 };
@@ -65,7 +66,6 @@ struct CrossValidation {
 };
 CrossValidation CrossValidate(const CalibrationInput& input, const CalibrateOptions& options,
                               const Calibration& calibration, const std::vector<Coverage>& coverage,
-                              const std::vector<ProjectionUncertainty>& uncertainty, ProgressSink& progress,
-                              const CancelToken& cancel);
+                              ProgressSink& progress, const CancelToken& cancel);
 
 }  // namespace trigpoint
