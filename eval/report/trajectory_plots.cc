@@ -7,11 +7,11 @@
 #include <cmath>
 
 #include "calib/base/error.h"
-#include "calib/base/median.h"
 #include "datasets/io/text.h"
 #include "eval/report/charts.h"
 #include "eval/report/paint.h"
 #include "eval/report/plan.h"
+#include "eval/statistics/statistics.h"
 
 namespace trigpoint {
 namespace {
@@ -233,7 +233,8 @@ Drawing TrajectoryErrorChart(const std::vector<PlottedTrajectory>& estimates, co
     std::vector<double> errors = estimates[0].errors;
     double squares = 0;
     for (const double error : errors) squares += error * error;
-    const double rmse = std::sqrt(squares / static_cast<double>(errors.size())), median = Median(std::move(errors));
+    const double rmse = std::sqrt(squares / static_cast<double>(errors.size())),
+                 median = Quantile(std::move(errors), 0.5);
     for (const auto& [name, value] : {std::pair("RMSE", rmse), std::pair("median", median)}) {
       const double end = estimates[0].along.back();
       series.push_back({fmt::format("{} {:.3g} {}", name, value, unit), {{0, value, {}, {}}, {end, value, {}, {}}}});
