@@ -414,9 +414,25 @@ def copy_links_or_copy(source, target):
                     ignore=shutil.ignore_patterns("results", "truth", "photos", "board", "trigpoint.yaml"))
 
 
+def columns_of(page):
+    """Of each data set that the page has a column for: the verdict of each fault."""
+    columns, names, group = {}, [], None
+    for line in page.read_text().splitlines() if page.exists() else []:
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("## "):
+            group, names = line[3:].lower(), []
+        elif group and line.startswith("| fault |"):
+            names = cells[1:]
+        elif group and line.startswith("| "):
+            for name, verdict in zip(names, cells[1:]):
+                record = {"verdict": verdict or "not applicable"}
+                columns.setdefault(name, {})[group, cells[0]] = record
+    return columns
+
+
 def write_table(path, files):
-    """A page with a row for each fault and a column for each data set."""
-    sets = []
+    """A page with a row for each fault and a column for each data set. Columns of other data than `files` stay."""
+    columns = columns_of(pathlib.Path(path))
     for file in files:
         data = json.loads(pathlib.Path(file).read_text())
         results = {(r["group"], r["fault"]): r for r in data["results"]}
@@ -424,7 +440,8 @@ def write_table(path, files):
             record = results.get((fault.group, fault.name))
             if record and "messages" in record:
                 record["verdict"] = verdict_of(record, fault.cause)
-        sets.append((data["name"], results))
+        columns[data["name"]] = results
+    sets = list(columns.items())
     lines = [pathlib.Path(__file__).with_name("page.md").read_text().rstrip(), ""]
     lines += ["| data | " + " | ".join([*GOOD, "failed"]) + " |", "|---|" + "---|" * (len(GOOD) + 1)]
     for name, results in sets:

@@ -70,6 +70,20 @@ class Judging(unittest.TestCase):
         self.assertEqual(self.verdict(0, NAMED, "110,0,0,0,1,1,1", cause=None, header=other), "unnamed")
 
 
+class Table(unittest.TestCase):
+    def test_columns_of_other_data_stay(self):
+        with tempfile.TemporaryDirectory() as folder:
+            page, measured = pathlib.Path(folder) / "faults.md", pathlib.Path(folder) / "a.json"
+            first, second = run_faults.faults.FAULTS[:2]
+            for name, verdict in (("a", "right"), ("b", "refused"), ("a", "warned")):
+                results = [{"group": f.group, "fault": f.name, "verdict": verdict} for f in (first, second)]
+                measured.write_text(json.dumps({"name": name, "results": results}))
+                run_faults.write_table(page, [measured])
+            text = page.read_text()
+        self.assertIn("| a | 0 | 2 | 0 | 0 | 0 |\n| b | 0 | 0 | 0 | 2 | 0 |\n", text)
+        self.assertIn(f"| {second.name} | warned | refused |\n", text)
+
+
 class Stations(unittest.TestCase):
     """Truth and tables write one station in two ways."""
 
