@@ -141,7 +141,7 @@ std::string MaskStamp(const Run& run, const ImageEntry& image) {
   };
   for (const fs::path& picture : masks.pictures) add(picture);
   for (const fs::path& folder : masks.folders) {
-    if (const fs::path file = MaskInFolder(folder, PictureOf(run, image)); !file.empty()) add(file);
+    if (const fs::path file = MaskInFolder(folder, PictureOf(run, image), image.path); !file.empty()) add(file);
   }
   return text;
 }

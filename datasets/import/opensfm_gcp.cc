@@ -24,10 +24,8 @@ class Sizes {
     if (!mark.normalised) return mark.pixel;
     auto it = sizes_.find(mark.image);
     if (it == sizes_.end()) {
-      const PhotoMetadata metadata = ReadPhotoMetadata(images_ / mark.image);
-      Eigen::Vector2d size(metadata.width, metadata.height);
-      if (metadata.SwapsSides()) std::swap(size.x(), size.y());
-      it = sizes_.emplace(mark.image, size).first;
+      const cv::Size shown = ReadPhotoMetadata(images_ / mark.image).ShownSize();
+      it = sizes_.emplace(mark.image, Eigen::Vector2d(shown.width, shown.height)).first;
     }
     return mark.pixel * it->second.maxCoeff() + 0.5 * (it->second - Eigen::Vector2d::Ones());
   }

@@ -230,10 +230,9 @@ PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {
 
 std::optional<Camera> CameraFromMetadata(const PhotoMetadata& metadata) {
   if (!metadata.focal_px || metadata.width <= 0 || metadata.height <= 0) return std::nullopt;
-  const int width = metadata.SwapsSides() ? metadata.height : metadata.width;
-  const int height = metadata.SwapsSides() ? metadata.width : metadata.height;
-  return Camera(CameraModel::kPinhole, width, height,
-                {*metadata.focal_px, *metadata.focal_px, 0.5 * (width - 1), 0.5 * (height - 1)});
+  const cv::Size shown = metadata.ShownSize();
+  return Camera(CameraModel::kPinhole, shown.width, shown.height,
+                {*metadata.focal_px, *metadata.focal_px, 0.5 * (shown.width - 1), 0.5 * (shown.height - 1)});
 }
 
 GeoTag GeoTagFromMetadata(const PhotoMetadata& metadata, const std::filesystem::path& file,

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <opencv2/core/types.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,12 +21,17 @@ struct GPano {
   int crop_left = 0, crop_top = 0, crop_width = 0, crop_height = 0;
 };
 
+// 1 sigma of a focal length by EXIF, a share of it: of 35 mm equivalents, which are whole numbers, some count the
+// frame's diagonal, some its width.
+inline constexpr double kExifFocalSigma = 0.05;
+
 struct PhotoMetadata {
   int width = 0, height = 0;  // px, as stored, before `orientation`; 0: unknown
   int orientation = 1;        // EXIF 1..8
   bool SwapsSides() const { return orientation >= 5; }
+  cv::Size ShownSize() const { return SwapsSides() ? cv::Size(height, width) : cv::Size(width, height); }
   // Of the stored picture, px: from the 35 mm equivalent (36 mm are the picture's long side), else from the focal
-  // length and the focal plane's resolution. Good to some 5 %: makers differ in what they call equivalent.
+  // length and the focal plane's resolution.
   std::optional<double> focal_px;
   std::optional<Geodetic> position;
   bool has_height = false;

@@ -219,7 +219,12 @@ cv::Mat LoadStored(const ImageEntry& entry, const BodyCamera& camera, bool grey)
 cv::Mat LoadImage(const Run& run, const ImageEntry& entry, bool grey) {
   const BodyCamera& camera = run.cameras.at(static_cast<size_t>(entry.camera));
   cv::Mat picture = LoadStored(entry, camera, grey);
-  if (run.config.mirrored) cv::flip(picture, picture, 1);
+  if (run.config.mirrored) {
+    // A partial 360 picture by itself: its tags state where it lies once it is mended.
+    const bool partial = camera.part.kind == PicturePart::Kind::kView && entry.video_frame < 0;
+    cv::Mat stored = partial ? picture(PartInSphere(entry.path, picture.size()).part) : picture;
+    cv::flip(stored, stored, 1);
+  }
   return PartOf(picture, camera);
 }
 
@@ -235,7 +240,7 @@ Eigen::Vector3d TopOf(const Run& run, const ImageEntry& entry) {
   if (entry.video_frame >= 0 || camera.part.kind != PicturePart::Kind::kAll) return top;
   try {
     const PhotoMetadata metadata = ReadPhotoMetadata(entry.path);
-    const bool as_stored = metadata.SwapsSides() && !Fits({metadata.height, metadata.width}, camera.camera);
+    const bool as_stored = metadata.SwapsSides() && !Fits(metadata.ShownSize(), camera.camera);
     // What is shown at the top is stored at the left (5, 6) or at the right (7, 8).
     if (as_stored) top = (metadata.orientation <= 6 ? -1.0 : 1.0) * Eigen::Vector3d::UnitX();
   } catch (const InputError&) {  // said where the picture is needed
@@ -268,6 +273,12 @@ std::optional<SpherePart> PartOfSphere(const std::optional<GPano>& gpano, const 
                          static_cast<int>(std::lround(gpano->crop_top * scale)), picture.width, picture.height}};
   const bool inside = (lies.part & cv::Rect({}, lies.sphere)) == lies.part;
   return inside && std::abs(picture.height - gpano->crop_height * scale) < 2 ? std::optional(lies) : std::nullopt;
+}
+
+SpherePart PartInSphere(const std::filesystem::path& panorama, const cv::Size& sphere) {
+  const PhotoMetadata metadata = ReadPhotoMetadata(panorama);
+  const std::optional<SpherePart> lies = PartOfSphere(metadata.gpano, metadata.ShownSize());
+  return lies && lies->sphere == sphere ? *lies : SpherePart{sphere, cv::Rect({}, sphere)};
 }
 
 cv::Mat LoadPanorama(const std::filesystem::path& file, bool grey, int widest) {

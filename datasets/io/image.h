@@ -12,9 +12,9 @@
 namespace trigpoint {
 
 // Grey 8-bit picture of an image of a run. Applies EXIF orientation unless only the raw orientation has the
-// calibration's size; undoes `mirrored`; draws the camera's part of the stored picture. Throws InputError naming the
-// file when it is missing, empty, truncated, not a picture, or of another size than the calibration (expected and found
-// sizes named).
+// calibration's size; undoes `mirrored` (of a partial 360 picture before it is put into the sphere); draws the camera's
+// part of the stored picture. Throws InputError naming the file when it is missing, empty, truncated, not a picture, or
+// of another size than the calibration (expected and found sizes named).
 cv::Mat LoadGrey(const Run& run, const ImageEntry& entry);
 // The same in colour, BGR.
 cv::Mat LoadColour(const Run& run, const ImageEntry& entry);
@@ -39,6 +39,9 @@ struct SpherePart {
 };
 // By the size of the picture as shown, else by its GPano tags; nothing: it is no panorama.
 std::optional<SpherePart> PartOfSphere(const std::optional<GPano>& gpano, const cv::Size& picture);
+// The same of a file, in the sphere of this size that LoadPanorama puts it into: all of it where the headers do not
+// state a part. Throws InputError if they cannot be read.
+SpherePart PartInSphere(const std::filesystem::path& panorama, const cv::Size& sphere);
 
 // An equirectangular panorama, 2:1. A partial one whose GPano tags say where it lies is put into a black full sphere.
 // Throws InputError naming the size found for any other picture, and for a full sphere of more than `widest` px.

@@ -8,6 +8,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/lines.h"
+#include "datasets/io/mask.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/tables.h"
@@ -213,18 +214,28 @@ std::string StampsFromExif(std::vector<ImageEntry>* images, Run* run) {
   return "";
 }
 
-// A mask may lie among the images.
-bool IsMask(const Run& run, const std::filesystem::path& file) {
-  return std::any_of(run.cameras.begin(), run.cameras.end(), [&](const BodyCamera& camera) {
-    return std::find(camera.mask.pictures.begin(), camera.mask.pictures.end(), file) != camera.mask.pictures.end();
-  });
+// Masks may lie among the images: pictures that run.yaml names, and those that a folder it names has for another image.
+std::set<std::filesystem::path> MasksAmong(const std::vector<std::filesystem::path>& pictures, const Run& run) {
+  std::set<std::filesystem::path> masks;
+  for (const auto& [camera, mask] : run.config.masks) {
+    for (const std::filesystem::path& named : mask.pictures) {
+      masks.insert(named);
+      if (!std::filesystem::is_directory(named)) continue;
+      for (const std::filesystem::path& picture : pictures) {
+        masks.insert(MaskInFolder(named, picture.lexically_relative(run.dir).string(), picture));
+      }
+    }
+  }
+  return masks;
 }
 
 void ReadFolders(Run* run) {
   std::vector<ImageEntry> images;
   const auto add = [&](const std::filesystem::path& dir, int camera) {
-    for (const std::filesystem::path& file : PicturesIn(dir)) {
-      if (IsMask(*run, file)) continue;
+    const std::vector<std::filesystem::path> pictures = PicturesIn(dir);
+    const std::set<std::filesystem::path> masks = MasksAmong(pictures, *run);
+    for (const std::filesystem::path& file : pictures) {
+      if (masks.contains(file)) continue;
       try {
         CheckPresent(file, run->dir.string());
         images.push_back({0, file.lexically_relative(run->dir).string(), file, camera, -1});

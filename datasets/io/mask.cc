@@ -43,6 +43,24 @@ cv::Mat LoadMask(const fs::path& file, const cv::Size& size) {
   return picture > 0;
 }
 
+// Of the part of the sphere that a picture shows, from a mask of its own size or of the sphere's.
+cv::Mat LoadMask(const fs::path& file, const SpherePart& lies) {
+  const bool of_sphere = lies.part.size() != lies.sphere && ReadPhotoMetadata(file).ShownSize() == lies.sphere;
+  return of_sphere ? LoadMask(file, lies.sphere)(lies.part) : LoadMask(file, lies.part.size());
+}
+
+// A mask of that part as one of the sphere: what lies beside the part was not seen.
+cv::Mat InSphere(const cv::Mat& mask, const SpherePart& lies) {
+  if (lies.part.size() == lies.sphere) return mask;
+  cv::Mat whole(lies.sphere, CV_8U, cv::Scalar(0));
+  if (mask.empty()) {
+    whole(lies.part).setTo(255);
+  } else {
+    mask.copyTo(whole(lies.part));
+  }
+  return whole;
+}
+
 // PNG alone: of the usual formats it is the one that cameras' software writes transparency in. Colour types 4 and 6.
 bool HasAlpha(const fs::path& file) {
   constexpr std::streamsize kHeader = 26;
@@ -54,13 +72,28 @@ bool HasAlpha(const fs::path& file) {
 }
 
 // What is not wholly transparent; empty if the file has no transparency.
-cv::Mat OpaquePart(const fs::path& file, const cv::Size& size) {
+cv::Mat OpaquePart(const fs::path& file) {
   if (!HasAlpha(file)) return {};
   const cv::Mat picture = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
-  if (picture.size() != size || picture.channels() != 4) return {};
+  if (picture.channels() != 4) return {};
   cv::Mat alpha;
   cv::extractChannel(picture, alpha, 3);
   return alpha > 0;
+}
+
+// The same of a picture of this size; empty for another one.
+cv::Mat OpaquePart(const fs::path& file, const cv::Size& size) {
+  const cv::Mat opaque = OpaquePart(file);
+  return opaque.size() == size ? opaque : cv::Mat();
+}
+
+// The same of a camera's crop, as stored: where the crop lies counts in the mended picture.
+cv::Mat OpaqueCrop(const fs::path& file, const BodyCamera& camera, bool mirrored) {
+  const cv::Mat opaque = OpaquePart(file);
+  cv::Rect crop(camera.part.x, camera.part.y, camera.camera.width(), camera.camera.height());
+  if (mirrored) crop.x = opaque.cols - crop.x - crop.width;
+  const bool inside = (crop & cv::Rect({}, opaque.size())) == crop;
+  return inside ? opaque(crop).clone() : cv::Mat();
 }
 
 cv::Mat OutsideBoxes(const std::vector<Eigen::Vector4d>& boxes, const cv::Size& size) {
@@ -74,6 +107,7 @@ cv::Mat OutsideBoxes(const std::vector<Eigen::Vector4d>& boxes, const cv::Size& 
 }
 
 bool IsView(const BodyCamera& camera) { return camera.part.kind == PicturePart::Kind::kView; }
+bool IsCrop(const BodyCamera& camera) { return camera.part.kind == PicturePart::Kind::kCrop; }
 
 // Of the pictures that a camera's masks belong to: a 360 picture whole, a crop by itself.
 cv::Size MaskedSize(const BodyCamera& camera) {
@@ -81,9 +115,19 @@ cv::Size MaskedSize(const BodyCamera& camera) {
   return {camera.camera.width(), camera.camera.height()};
 }
 
+// Where an image's stored picture lies in them: a 360 picture may show a part of the sphere.
+SpherePart StoredPart(const ImageEntry& image, const BodyCamera& camera) {
+  const cv::Size size = MaskedSize(camera);
+  try {
+    if (IsView(camera) && image.video_frame < 0) return PartInSphere(image.path, size);
+  } catch (const InputError&) {  // said where the picture is needed
+  }
+  return {size, cv::Rect({}, size)};
+}
+
 // The circle of a fisheye whose picture was cropped to it, without its rim, which looks the same wherever one stands.
 cv::Mat InsideCircle(const BodyCamera& camera) {
-  if (camera.part.kind != PicturePart::Kind::kCrop || camera.camera.model() != CameraModel::kKannalaBrandt) return {};
+  if (!IsCrop(camera) || camera.camera.model() != CameraModel::kKannalaBrandt) return {};
   constexpr double kRim = 0.02;  // of the radius
   cv::Mat mask(camera.camera.height(), camera.camera.width(), CV_8U, cv::Scalar(0));
   const cv::Point2d centre(0.5 * (mask.cols - 1), 0.5 * (mask.rows - 1));
@@ -93,12 +137,13 @@ cv::Mat InsideCircle(const BodyCamera& camera) {
 
 }  // namespace
 
-fs::path MaskInFolder(const fs::path& folder, const std::string& image) {
+fs::path MaskInFolder(const fs::path& folder, const std::string& image, const fs::path& picture) {
   const fs::path path(image), name_alone = path.filename();
   for (const fs::path& name :
        {fs::path(image + ".png"), fs::path(path).replace_extension(".png"), fs::path(name_alone.string() + ".png"),
         fs::path(name_alone).replace_extension(".png")}) {
-    if (fs::is_regular_file(folder / name)) return folder / name;
+    fs::path mask = (folder / name).lexically_normal();
+    if (mask != picture && fs::is_regular_file(mask)) return mask;
   }
   return {};
 }
@@ -118,14 +163,20 @@ cv::Mat RunMasks::Of(const ImageEntry& image) const {
   const auto index = static_cast<size_t>(image.camera);
   if (index >= of_camera_.size()) return {};  // tags are found without a calibration, too
   const BodyCamera& camera = run_.cameras[index];
-  const cv::Size size = MaskedSize(camera);
-  cv::Mat mask = of_camera_[index].clone();
+  const SpherePart lies = StoredPart(image, camera);
+  const bool mirrored = run_.config.mirrored;
+  cv::Mat mask;
+  if (!of_camera_[index].empty()) mask = of_camera_[index](lies.part).clone();
   for (const fs::path& folder : camera.mask.folders) {
-    if (const fs::path file = MaskInFolder(folder, PictureOf(run_, image)); !file.empty())
-      Intersect(LoadMask(file, size), &mask);
+    if (const fs::path file = MaskInFolder(folder, PictureOf(run_, image), image.path); !file.empty())
+      Intersect(LoadMask(file, lies), &mask);
   }
-  if (image.video_frame < 0) Intersect(OpaquePart(image.path, size), &mask);
-  if (run_.config.mirrored && !mask.empty()) cv::flip(mask, mask, 1);
+  if (image.video_frame < 0) {
+    Intersect(IsCrop(camera) ? OpaqueCrop(image.path, camera, mirrored) : OpaquePart(image.path, lies.part.size()),
+              &mask);
+  }
+  if (mirrored && !mask.empty()) cv::flip(mask, mask, 1);
+  mask = InSphere(mask, lies);
   return IsView(camera) && !mask.empty() ? cv::Mat(PartOf(mask, camera) == 255) : mask;
 }
 
@@ -147,7 +198,7 @@ namespace {
 // The file to look at where nothing of an image is left: its own mask, or the image.
 fs::path FileThatMasks(const Run& run, const ImageEntry& image) {
   for (const fs::path& folder : run.cameras[static_cast<size_t>(image.camera)].mask.folders) {
-    if (fs::path file = MaskInFolder(folder, PictureOf(run, image)); !file.empty()) return file;
+    if (fs::path file = MaskInFolder(folder, PictureOf(run, image), image.path); !file.empty()) return file;
   }
   return image.path;
 }
@@ -200,43 +251,13 @@ cv::Mat SetPhotoMask(const fs::path& photo, const cv::Size& size) {
   return mask;
 }
 
-namespace {
-
-cv::Size StoredSize(const fs::path& picture) {
-  const PhotoMetadata metadata = ReadPhotoMetadata(picture);
-  return {metadata.width, metadata.height};
-}
-
-// Of a partial panorama, as LoadPanorama puts it into the sphere: what lies beside it was not seen. Its mask has its
-// own size or that of the sphere.
-cv::Mat PartialPanoramaMask(const fs::path& mask_file, const fs::path& file, const SpherePart& lies) {
-  const bool of_sphere = !mask_file.empty() && StoredSize(mask_file) == lies.sphere;
-  cv::Mat own = OpaquePart(file, lies.part.size());
-  if (!mask_file.empty() && !of_sphere) Intersect(LoadMask(mask_file, lies.part.size()), &own);
-  cv::Mat mask(lies.sphere, CV_8U, cv::Scalar(0));
-  if (own.empty()) {
-    mask(lies.part).setTo(255);
-  } else {
-    own.copyTo(mask(lies.part));
-  }
-  if (of_sphere) Intersect(LoadMask(mask_file, lies.sphere), &mask);
-  return mask;
-}
-
-}  // namespace
-
 cv::Mat ReferenceMask(const Reference& reference, const fs::path& file, const cv::Size& size) {
   if (reference.kind == ReferenceKind::kPhotoSet) return SetPhotoMask(file, size);
-  if (reference.kind == ReferenceKind::kPanorama) {
-    const PhotoMetadata metadata = ReadPhotoMetadata(file);
-    cv::Size shown(metadata.width, metadata.height);
-    if (metadata.SwapsSides()) std::swap(shown.width, shown.height);
-    const std::optional<SpherePart> lies = PartOfSphere(metadata.gpano, shown);
-    if (lies && lies->sphere == size && shown != size) return PartialPanoramaMask(reference.mask, file, *lies);
-  }
-  cv::Mat mask = OpaquePart(file, size);
-  if (!reference.mask.empty()) Intersect(LoadMask(reference.mask, size), &mask);
-  return mask;
+  SpherePart lies{size, cv::Rect({}, size)};
+  if (reference.kind == ReferenceKind::kPanorama) lies = PartInSphere(file, size);
+  cv::Mat mask = OpaquePart(file, lies.part.size());
+  if (!reference.mask.empty()) Intersect(LoadMask(reference.mask, lies), &mask);
+  return InSphere(mask, lies);
 }
 
 std::vector<fs::path> MaskFiles(const Run& run) {
@@ -248,7 +269,8 @@ std::vector<fs::path> MaskFiles(const Run& run) {
     const auto index = static_cast<size_t>(image.camera);
     if (index >= run.cameras.size()) continue;
     for (const fs::path& folder : run.cameras[index].mask.folders) {
-      if (fs::path file = MaskInFolder(folder, PictureOf(run, image)); !file.empty()) files.push_back(std::move(file));
+      fs::path file = MaskInFolder(folder, PictureOf(run, image), image.path);
+      if (!file.empty()) files.push_back(std::move(file));
     }
   }
   return files;

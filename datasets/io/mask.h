@@ -45,7 +45,9 @@ cv::Mat SetPhotoMask(const std::filesystem::path& photo, const cv::Size& size);
 std::vector<std::filesystem::path> MaskFiles(const Run& run);
 
 // The picture in `folder` that masks an image: <name>.png, or the name with .png in place of its ending, below the
-// image's own folders or without them; empty: none.
-std::filesystem::path MaskInFolder(const std::filesystem::path& folder, const std::string& image);
+// image's own folders or without them; empty: none. Images may lie in that folder, too: `picture`, the image's own
+// file, is not its mask.
+std::filesystem::path MaskInFolder(const std::filesystem::path& folder, const std::string& image,
+                                   const std::filesystem::path& picture = {});
 
 }  // namespace trigpoint

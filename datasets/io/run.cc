@@ -24,8 +24,6 @@
 namespace trigpoint {
 namespace {
 
-// Share of it, 1 sigma: of 35 mm equivalents, which are whole numbers, some count the frame's diagonal, some its width.
-constexpr double kExifFocalSigma = 0.05;
 // Of phones and action cameras, as a share of the picture's long side, and its 1 sigma, a share of it.
 constexpr double kUsualFocal = 0.8, kUnknownFocalSigma = 0.4;
 
@@ -165,16 +163,26 @@ void CheckMaskSize(const std::filesystem::path& path, const BodyCamera& camera, 
                    path.string() + " of " + std::to_string(picture.width) + " x " + std::to_string(picture.height));
 }
 
-void AssignMasks(const std::filesystem::path& site_dir, Run* run) {
-  const std::string yaml = (run->dir / "run.yaml").string() + ": key 'masks'";
-  for (const auto& [name, written] : run->config.masks) {
+std::string WhereMasksAreNamed(const Run& run) { return (run.dir / "run.yaml").string() + ": key 'masks'"; }
+
+// Known before the cameras, as masks may lie among the images of a run whose camera is guessed from its images.
+void ResolveMasks(const std::filesystem::path& site_dir, Run* run) {
+  const std::string yaml = WhereMasksAreNamed(*run);
+  for (auto& [camera, mask] : run->config.masks) {
+    for (std::filesystem::path& entry : mask.pictures) {
+      entry = ResolveInside(site_dir, run->dir, entry.string(), yaml);
+      if (!std::filesystem::is_directory(entry)) CheckPresent(entry, yaml);
+    }
+  }
+}
+
+void AssignMasks(Run* run) {
+  const std::string yaml = WhereMasksAreNamed(*run);
+  for (const auto& [name, named] : run->config.masks) {
     CameraMask mask;
-    mask.boxes_px = written.boxes_px;
-    for (const std::filesystem::path& entry : written.pictures) {
-      const std::filesystem::path path = ResolveInside(site_dir, run->dir, entry.string(), yaml);
-      const bool folder = std::filesystem::is_directory(path);
-      if (!folder) CheckPresent(path, yaml);
-      (folder ? mask.folders : mask.pictures).push_back(path);
+    mask.boxes_px = named.boxes_px;
+    for (const std::filesystem::path& entry : named.pictures) {
+      (std::filesystem::is_directory(entry) ? mask.folders : mask.pictures).push_back(entry);
     }
     bool found = false;
     for (BodyCamera& camera : run->cameras) {
@@ -432,7 +440,7 @@ struct SampledPicture {
   const ImageEntry* image;
   PhotoMetadata metadata;
   cv::Size Stored() const { return {metadata.width, metadata.height}; }
-  cv::Size Shown() const { return metadata.SwapsSides() ? cv::Size(metadata.height, metadata.width) : Stored(); }
+  cv::Size Shown() const { return metadata.ShownSize(); }
 };
 
 // Some of the run's pictures, spread over it: the headers of a long run's take long to read.
@@ -537,7 +545,7 @@ void WarnOfUnusedMasks(Run* run) {
       const bool used = std::any_of(run->images.begin(), run->images.end(), [&](const ImageEntry& image) {
         const auto its = static_cast<size_t>(image.camera);
         const bool sees = its == c || (is_crop(its) && is_crop(c));  // a picture belongs to all crops
-        return sees && !MaskInFolder(folder, image.file).empty();
+        return sees && !MaskInFolder(folder, image.file, image.path).empty();
       });
       if (used) continue;
       run->warnings.push_back((run->dir / "run.yaml").string() + ": key 'masks': " + folder.string() +
@@ -556,7 +564,8 @@ Run ReadRunSettings(const std::filesystem::path& run_dir, const std::filesystem:
   run.name = run.dir.filename().string();
   run.config = ReadRunConfig(run.dir / "run.yaml");
   run.cameras = ReadCameras(site_dir, run);
-  AssignMasks(site_dir, &run);
+  ResolveMasks(site_dir, &run);
+  AssignMasks(&run);
   WarnOfImplausibleCameras(&run);
   return run;
 }
@@ -571,7 +580,7 @@ void ReadRunData(const std::filesystem::path& site_dir, Run* run) {
   }
   if (run->cameras.empty() && !run->images.empty()) {
     GuessCamera(run);
-    AssignMasks(site_dir, run);
+    AssignMasks(run);
   } else if (run->config.equirectangular && !run->cameras.empty() &&
              run->cameras.front().camera.model() != CameraModel::kEquirectangular) {
     throw InputError((run->dir / "run.yaml").string() +

@@ -38,10 +38,8 @@ void RequireSome(const ExtractionReport& report, const std::string& what) {
 
 // Width of a panorama as LoadPanorama gives it.
 int WidthOfPanorama(const PhotoMetadata& metadata) {
-  cv::Size stored(metadata.width, metadata.height);
-  if (metadata.SwapsSides()) std::swap(stored.width, stored.height);
-  const std::optional<SpherePart> lies = PartOfSphere(metadata.gpano, stored);
-  return lies ? lies->sphere.width : stored.width;
+  const std::optional<SpherePart> lies = PartOfSphere(metadata.gpano, metadata.ShownSize());
+  return lies ? lies->sphere.width : metadata.ShownSize().width;
 }
 
 // Of a photo of a set: some of its photos may be turned or zoomed. One whose EXIF states no focal length has that of
@@ -52,9 +50,7 @@ Camera CameraInSet(const Reference& set, PhotoMetadata metadata) {
     metadata.focal_px = set.camera->MeanFocal() * side / std::max(set.camera->width(), set.camera->height());
   }
   if (const std::optional<Camera> own = CameraFromMetadata(metadata)) return *own;
-  const bool turned = metadata.SwapsSides();
-  return Camera::FromFieldOfView(turned ? metadata.height : metadata.width, turned ? metadata.width : metadata.height,
-                                 65 * kDegToRad);
+  return Camera::FromFieldOfView(metadata.ShownSize().width, metadata.ShownSize().height, 65 * kDegToRad);
 }
 
 // A view of a reference to be looked at.

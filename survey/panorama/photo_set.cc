@@ -31,8 +31,7 @@ PhotoSet ReadPhotoSet(const std::filesystem::path& dir, const std::string& name)
       continue;
     }
     const PhotoMetadata& m = photo.metadata;
-    photo.width = m.SwapsSides() ? m.height : m.width;
-    photo.height = m.SwapsSides() ? m.width : m.height;
+    photo.width = m.ShownSize().width, photo.height = m.ShownSize().height;
     photo.focal_px = m.focal_px;
     if (m.width < 32 || m.height < 32) {
       set.left_out.push_back({photo.name, "is only " + std::to_string(m.width) + " x " + std::to_string(m.height) +

@@ -58,6 +58,31 @@ TEST(Camchain, ChainsCamerasToTheBody) {
   }
 }
 
+// A run without a calibration has a guessed lens in its files; who looks at its images again needs the one found.
+TEST(Camchain, LensesAreTakenByTheNamesOfCameras) {
+  std::vector<BodyCamera> found(3);
+  for (size_t c = 0; c < 3; ++c) {
+    found[c].name = "cam" + std::to_string(c);
+    found[c].camera = Camera::FromFieldOfView(640, 480, 1.2 + 0.1 * static_cast<double>(c));
+  }
+  found[2].camera = Camera(CameraModel::kEquirectangular, 640, 320, {});
+  std::vector<BodyCamera> cameras(found.rbegin(), found.rend());  // in another order
+  for (BodyCamera& camera : cameras) {
+    camera.camera = Camera::FromFieldOfView(640, 480, 1.0);
+    camera.focal_sigma_share = 0.05;
+    camera.cam_from_body.translation.x() = 1;
+  }
+  cameras.emplace_back(cameras[2]).name = "another";
+  const std::vector<double> guessed = cameras[0].camera.params();
+  TakeLenses(found, &cameras);
+  EXPECT_EQ(cameras[2].camera.params(), found[0].camera.params());
+  EXPECT_EQ(cameras[1].camera.params(), found[1].camera.params());
+  EXPECT_EQ(cameras[1].focal_sigma_share, 0);
+  EXPECT_EQ(cameras[1].cam_from_body.translation.x(), 1) << "the lens alone";
+  EXPECT_EQ(cameras[0].camera.params(), guessed) << "a view of a 360 camera";
+  EXPECT_EQ(cameras[3].camera.params(), guessed);
+}
+
 TEST(Camchain, WithoutExtrinsicsLooksAhead) {
   const TempDir dir;
   const auto cameras = ReadCamchain(dir.Write("c.yaml", CameraText("cam0", kRadtan)));

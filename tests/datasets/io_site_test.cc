@@ -215,6 +215,28 @@ TEST_F(SiteTest, ReadsListsOfMasksAndBoxes) {
   EXPECT_THAT(Refusal(), HasSubstr("key 'masks.cam0': expected a box [u0, v0, u1, v1] with u0 <= u1"));
 }
 
+TEST_F(SiteTest, MasksAmongTheImagesAreNoImages) {
+  std::filesystem::remove(dir_ / "runs/run1/images.txt");
+  for (const bool guessed : {false, true}) {
+    if (guessed) std::filesystem::remove(dir_ / "runs/run1/camchain.yaml");
+    const std::filesystem::path mask = dir_ / "runs/run1/images/mask.png",
+                                of_second = dir_ / "runs/run1/images/2.png.png";
+    Picture("runs/run1/images/mask.png");
+    Write("runs/run1/run.yaml", "masks: images/mask.png\n");
+    trigpoint::Run run = ReadOne();
+    EXPECT_EQ(run.images.size(), 4u) << guessed;
+    EXPECT_EQ(run.cameras.at(0).mask.pictures, std::vector{mask});
+    std::filesystem::rename(mask, of_second);
+    Write("runs/run1/run.yaml", "masks: images\n");
+    run = ReadOne();
+    ASSERT_EQ(run.images.size(), 4u) << guessed;
+    EXPECT_TRUE(RunMasks(run).Of(run.images[0]).empty()) << "an image is not its own mask";
+    EXPECT_FALSE(RunMasks(run).Of(run.images[1]).empty());
+    EXPECT_EQ(MaskFiles(run), std::vector{of_second});
+    std::filesystem::remove(of_second);
+  }
+}
+
 TEST_F(SiteTest, ASketchOfMistakesIsRefused) {
   const std::string header = "kind,name,east_m,north_m,up_m,latitude_deg,longitude_deg,heading_deg,size_mm\n";
   const std::string tag = "tag,7,1,2,1,,,90,160\n";
