@@ -60,6 +60,7 @@ PanoramaMetadata MetadataOf(const StitchedRig& rig, const Composite& composite) 
   m.part = composite.part;
   m.photos = rig.placed;
   if (rig.heading_rad) m.heading_deg = *rig.heading_rad * kRadToDeg;
+  if (rig.level_sigma_deg) m.pitch_deg = m.roll_deg = 0;
   GeodeticMean mean;
   for (size_t i = 0; i < rig.photos.size(); ++i) {
     if (!rig.state.photos[i].placed) continue;
@@ -108,8 +109,8 @@ nlohmann::json Metrics(const StitchedRig& rig, int given) {
                       {"full_turn", rig.closure.full_turn},
                       {"closure_deg", rig.closure.error_deg},
                       {"largest_gap_deg", rig.closure.largest_gap_deg},
-                      {"level_source", rig.level_source},
-                      {"level_sigma_deg", rig.level_sigma_deg}};
+                      {"level_source", rig.level_source}};
+  if (rig.level_sigma_deg) m["level_sigma_deg"] = *rig.level_sigma_deg;
   if (rig.heading_rad) {
     m["heading_deg"] = *rig.heading_rad * kRadToDeg;
     m["heading_sigma_deg"] = rig.heading_sigma_rad * kRadToDeg;
@@ -139,8 +140,10 @@ std::string Summary(const StageOutcome& outcome, const DisplayUnit& unit) {
   } else {
     text += "the whole horizon is seen, by too few photos to close a ring\n";
   }
-  text += fmt::format("levelled by {} ({:.2f} deg, 1 sigma)", m.at("level_source").get<std::string>(),
-                      number("level_sigma_deg"));
+  text += m.contains("level_sigma_deg")
+              ? fmt::format("levelled by {} ({:.2f} deg, 1 sigma)", m.at("level_source").get<std::string>(),
+                            number("level_sigma_deg"))
+              : std::string("not levelled");
   text += m.contains("heading_deg") ? fmt::format(", heading {:.1f} deg +- {:.1f} by compass\n", number("heading_deg"),
                                                   number("heading_sigma_deg"))
                                     : std::string(", heading unknown\n");
@@ -165,7 +168,7 @@ StageInfo StitchStage() {
     const fs::path dir = FolderOfSet(project, target.run);
     StageRequest request;
     request.options = JsonFromOptions(options);
-    request.version = 11;
+    request.version = 12;
     request.inputs = PicturesIn(dir);
     for (const fs::path& mask : PicturesIn(dir / "masks")) request.inputs.push_back(mask);
     request.body = [options, dir, name = target.run](StageContext& context) {

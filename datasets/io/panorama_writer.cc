@@ -235,8 +235,8 @@ void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMeta
     put("InitialViewPitchDegrees", "0");
     put("InitialViewRollDegrees", "0");
     if (m.heading_deg) put("PoseHeadingDegrees", number(*m.heading_deg));
-    put("PosePitchDegrees", number(m.pitch_deg));
-    put("PoseRollDegrees", number(m.roll_deg));
+    if (m.pitch_deg) put("PosePitchDegrees", number(*m.pitch_deg));
+    if (m.roll_deg) put("PoseRollDegrees", number(*m.roll_deg));
     if (m.first_utc_ns) put("FirstPhotoDate", UtcText(*m.first_utc_ns, "%Y-%m-%dT%H:%M:%SZ"));
     if (m.last_utc_ns) put("LastPhotoDate", UtcText(*m.last_utc_ns, "%Y-%m-%dT%H:%M:%SZ"));
 

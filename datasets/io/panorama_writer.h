@@ -39,9 +39,8 @@ class PanoramaWriter {
 struct PanoramaMetadata {
   int width = 0, height = 0;  // of the full sphere
   cv::Rect part;              // of it that the picture is; empty: all of it
-  // Of the full sphere's centre: clockwise from north, above the horizon, clockwise; no heading: not known.
-  std::optional<double> heading_deg;
-  double pitch_deg = 0, roll_deg = 0;
+  // Of the full sphere's centre: clockwise from north, above the horizon, clockwise; none: not known.
+  std::optional<double> heading_deg, pitch_deg, roll_deg;
   int photos = 0;                                    // it was made from
   std::optional<int64_t> first_utc_ns, last_utc_ns;  // when they were taken
   std::optional<Geodetic> position;

@@ -332,7 +332,7 @@ Gap WidestGap(const StitchedRig& rig) {
 void LevelRig(const std::function<cv::Mat(const Photo&)>& load_grey, const std::string& wanted, int threads,
               const CancelToken& cancel, StitchedRig* rig) {
   const Level level = FindLevel(load_grey, wanted, threads, cancel, rig);
-  rig->level_sigma_deg = level.sigma_rad * kRadToDeg;
+  if (level.found) rig->level_sigma_deg = level.sigma_rad * kRadToDeg;
   size_t first = 0;
   while (first < rig->photos.size() && !rig->state.photos[first].placed) ++first;
   const Eigen::Quaterniond rig_from_first = rig->state.photos[first].cam_from_rig.conjugate();

@@ -225,8 +225,9 @@ void WriteRigFiles(const StitchedRig& rig, const Composite* composite, const std
         {"photos", c.photos},
         {"sum_deg", c.sum_deg},
         {"error_deg", c.error_deg},
-        {"largest_gap_deg", c.largest_gap_deg}}},
-      {"level", {{"source", rig.level_source}, {"sigma_deg", rig.level_sigma_deg}}}};
+        {"largest_gap_deg", c.largest_gap_deg}}}};
+  sidecar["level"]["source"] = rig.level_source;
+  if (rig.level_sigma_deg) sidecar["level"]["sigma_deg"] = *rig.level_sigma_deg;
   if (rig.heading_rad) {
     sidecar["heading"] = {{"source", rig.heading_source},
                           {"heading_deg", *rig.heading_rad * kRadToDeg},

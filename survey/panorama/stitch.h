@@ -100,8 +100,9 @@ struct StitchedRig {
   double focal_start_px = 0;
   ParallaxBudget parallax;
   Closure closure;
-  std::string level_source;           // tags, lines, horizon, none
-  double level_sigma_deg = 0;         // of roll and of pitch, 1 sigma
+  std::string level_source;  // tags, lines, horizon, none
+  // Of roll and of pitch, 1 sigma; none: not levelled, the first photo's top is up.
+  std::optional<double> level_sigma_deg;
   std::optional<double> heading_rad;  // of the rig's z axis, clockwise from north
   double heading_sigma_rad = 0;
   std::string heading_source;

@@ -13,6 +13,7 @@
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 #include "datasets/io/panorama_writer.h"
+#include "datasets/io/picture_parts.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/text.h"
 #include "datasets/io/video.h"
@@ -111,6 +112,76 @@ TEST(RunMasks, TakesPicturesFoldersBoxesAndTransparencyTogether) {
 
   ASSERT_TRUE(cv::imwrite((dir / "masks/b.png").string(), of_image.colRange(0, 63)));
   EXPECT_THROW(RunMasks(run).Of(Entry(dir / "b.png")), InputError);
+}
+
+// The alpha channel is that of the whole picture, and where the crop lies counts in the mended one.
+TEST(RunMasks, TransparentPixelsOfACropAreIgnored) {
+  const TempDir dir;
+  trigpoint::Run run = RunWithCamera(64, 48);
+  run.cameras[0].part = {.kind = PicturePart::Kind::kCrop, .x = 64};
+  cv::Mat both(48, 128, CV_8UC4, cv::Scalar(90, 90, 90, 255));
+  both.colRange(70, 80).setTo(cv::Scalar::all(0));
+  ASSERT_TRUE(cv::imwrite((dir / "both.png").string(), both));
+  const auto ignored = [&] {
+    const cv::Mat mask = RunMasks(run).Of(Entry(dir / "both.png"));
+    return mask.size() == cv::Size(64, 48) ? IgnoredHalves(mask) : std::make_pair(-1, -1);
+  };
+  EXPECT_EQ(ignored(), std::make_pair(480, 0));
+  run.config.mirrored = true;
+  EXPECT_EQ(ignored(), std::make_pair(0, 0)) << "they lie in the other crop";
+  run.cameras[0].part.x = 0;
+  EXPECT_EQ(ignored(), std::make_pair(0, 480));
+}
+
+// Left of the sphere's middle, once as it is and once flipped: the tags state where the mended picture lies.
+TEST(RunMasks, OfAPartial360PictureLieWhereThePictureLies) {
+  const TempDir dir;
+  const cv::Rect part(16, 0, 48, 64);
+  std::filesystem::create_directory(dir / "masks");
+  trigpoint::Run run;
+  run.cameras.push_back({.name = "cam0", .camera = Camera::Equirectangular(128, 64)});
+  run.cameras[0].mask.folders = {dir / "masks"};
+  const auto write = [&](const std::string& name, const cv::Mat& picture, const cv::Mat& mask) {
+    ASSERT_TRUE(cv::imwrite((dir / name).string(), picture));
+    ASSERT_TRUE(cv::imwrite((dir / "masks" / name).string(), mask));
+    SetExif(dir / name, {{"Xmp.GPano.FullPanoWidthPixels", "128"},
+                         {"Xmp.GPano.FullPanoHeightPixels", "64"},
+                         {"Xmp.GPano.CroppedAreaLeftPixels", "16"},
+                         {"Xmp.GPano.CroppedAreaTopPixels", "0"},
+                         {"Xmp.GPano.CroppedAreaImageWidthPixels", "48"},
+                         {"Xmp.GPano.CroppedAreaImageHeightPixels", "64"}});
+    run.images.push_back({static_cast<int64_t>(run.images.size()), name, dir / name, 0, -1});
+  };
+  cv::Mat picture, flipped, mask(part.size(), CV_8U, cv::Scalar(255)), flipped_mask;
+  cv::cvtColor(Ramp(part.width, part.height), picture, cv::COLOR_GRAY2BGRA);
+  picture(cv::Rect(40, 20, 4, 4)).setTo(cv::Scalar::all(0));
+  mask(cv::Rect(36, 40, 4, 4)).setTo(0);
+  cv::flip(picture, flipped, 1);
+  cv::flip(mask, flipped_mask, 1);
+  cv::Mat of_sphere(64, 128, CV_8U, cv::Scalar(255));
+  mask.copyTo(of_sphere(part));
+  write("a.png", picture, mask);
+  write("b.png", picture, of_sphere);
+  write("c.png", flipped, flipped_mask);
+  write("d.png", Ramp(part.width, part.height), cv::Mat(part.size(), CV_8U, cv::Scalar(255)));
+  SplitPictures(&run);
+  const ImageEntry &a = run.images.at(0), &b = run.images.at(5), &c = run.images.at(10);
+
+  const cv::Mat grey = LoadGrey(run, a), seen = RunMasks(run).Of(a);
+  ASSERT_EQ(seen.size(), cv::Size(40, 40));
+  EXPECT_EQ(cv::countNonZero(seen.colRange(20, 40)), 0) << "the picture ends in the view's middle";
+  EXPECT_EQ(Difference(RunMasks(run).Of(b), seen), 0) << "a mask of the sphere's size";
+  const int by_both = cv::countNonZero(seen);
+  std::filesystem::remove(dir / "masks/a.png");
+  const int by_alpha = cv::countNonZero(RunMasks(run).Of(a));
+  const int whole = cv::countNonZero(RunMasks(run).Of(run.images.at(15)));
+  EXPECT_LT(by_both, by_alpha);
+  EXPECT_LT(by_alpha, whole);
+  EXPECT_GE(whole, 19 * 40);
+
+  run.config.mirrored = true;
+  EXPECT_EQ(Difference(LoadGrey(run, c), grey), 0);
+  EXPECT_EQ(Difference(RunMasks(run).Of(c), seen), 0);
 }
 
 TEST(RunMasks, AreCheckedBeforeTheyAreUsed) {
@@ -379,6 +450,7 @@ TEST(PhotoMetadata, TellsWhatTheFileSays) {
   EXPECT_EQ(metadata.width, 80);
   EXPECT_EQ(metadata.height, 60);
   EXPECT_EQ(metadata.orientation, 6);
+  EXPECT_EQ(metadata.ShownSize(), cv::Size(60, 80));
   ASSERT_TRUE(metadata.focal_px);
   EXPECT_NEAR(*metadata.focal_px, 60, 1e-9);  // 27 / 36 of the long side
   ASSERT_TRUE(metadata.position);

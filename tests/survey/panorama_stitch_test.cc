@@ -233,6 +233,26 @@ TEST(Level, EdgesThatAMaskHidesCountForNothing) {
   }
 }
 
+TEST(Level, OfARigThatIsNotLevelledIsUnknown) {
+  StitchedRig rig;
+  rig.state.lenses = {Lens{600}};
+  rig.photos.emplace_back();
+  PairView& view = rig.views.emplace_back();
+  view.width = 1000, view.height = 750;
+  RigPhoto& photo = rig.state.photos.emplace_back();
+  photo.placed = true;
+  photo.cam_from_rig = CamFromWorld(0, 10, 5);
+  const auto level = [&](const char* wanted) {
+    rig.level_sigma_deg.reset();
+    LevelRig([](const Photo&) { return cv::Mat(); }, wanted, 1, CancelToken(), &rig);
+  };
+  level("horizon");
+  EXPECT_TRUE(rig.level_sigma_deg);
+  level("none");
+  EXPECT_EQ(rig.level_source, "none");
+  EXPECT_FALSE(rig.level_sigma_deg);
+}
+
 TEST(ImageCircle, FoundOnBlackFramesOnly) {
   cv::Mat round, square;
   cv::cvtColor(PhotoOf(Sphere(), CamFromWorld(0, 0, 0), kRound, kFisheye), round, cv::COLOR_BGR2GRAY);
@@ -272,7 +292,7 @@ TEST(Stitch, TwoFisheyesBackToBackMakeASphere) {
   EXPECT_NEAR(z_at_rim(rig.views[0], rig.state.lenses.front()), z_at_rim(kRound, kFisheye), 1 * kDegToRad);
   // Nothing says how far up two photos look that are taken back to back.
   EXPECT_EQ(rig.level_source, "horizon");
-  EXPECT_GT(rig.level_sigma_deg, 5);
+  EXPECT_GT(rig.level_sigma_deg.value_or(0), 5);
   EXPECT_EQ(CameraOf(rig, 0).model(), CameraModel::kKannalaBrandt);
 }
 
