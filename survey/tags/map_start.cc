@@ -128,25 +128,33 @@ std::optional<Rigid3d> Join(const std::map<int, Rigid3d>& source, const std::map
   return best;
 }
 
+// A surveyed point in the map and where it was surveyed; nothing if it is not in the map.
+struct PointPair {
+  Eigen::Vector3d map, world;
+};
+std::optional<PointPair> PairOf(const MapStart& start, const SurveyInput& input, const SurveyPoint& p) {
+  // An offset in the tag's frame cannot be turned before the map is level.
+  const Eigen::Vector3d world = p.offset_in_tag_frame ? p.world_m : Eigen::Vector3d(p.world_m - p.offset_m);
+  const auto mark = start.marked.find(p.name);
+  if (p.tag_id < 0 && mark != start.marked.end()) return PointPair{mark->second, world};
+  const auto tag = start.world_from_tag.find(p.tag_id);
+  if (tag == start.world_from_tag.end()) return std::nullopt;
+  return PointPair{p.corner < 0 ? tag->second.translation
+                                : Eigen::Vector3d(tag->second * TagCorner(input.sizes.SizeOf(p.tag_id), p.corner)),
+                   world};
+}
+
 // world_from_map from points: every triple proposes, all judge by their sigmas.
 std::optional<Rigid3d> JoinPoints(const MapStart& start, const SurveyInput& input,
                                   const std::vector<SurveyPoint>& points) {
-  const std::map<int, Rigid3d>& tags = start.world_from_tag;
   std::vector<Eigen::Vector3d> a, b;
   std::vector<double> sigma;
   for (const SurveyPoint& p : points) {
-    const auto tag = tags.find(p.tag_id);
-    const auto mark = start.marked.find(p.name);
-    if (p.tag_id < 0 && mark != start.marked.end()) {
-      a.push_back(mark->second);
-    } else if (tag != tags.end()) {
-      a.push_back(p.corner < 0 ? tag->second.translation
-                               : tag->second * TagCorner(input.sizes.SizeOf(p.tag_id), p.corner));
-    } else {
-      continue;
-    }
-    // An offset in the tag's frame cannot be turned before the map is level: it widens the tolerance instead.
-    b.push_back(p.offset_in_tag_frame ? p.world_m : Eigen::Vector3d(p.world_m - p.offset_m));
+    const std::optional<PointPair> pair = PairOf(start, input, p);
+    if (!pair) continue;
+    a.push_back(pair->map);
+    b.push_back(pair->world);
+    // An offset in the tag's frame widens the tolerance.
     sigma.push_back(std::max(0.5, 3 * std::hypot(p.sigma_h_m, p.sigma_v_m)) +
                     (p.offset_in_tag_frame ? p.offset_m.norm() : 0));
   }
@@ -165,6 +173,27 @@ std::optional<Rigid3d> JoinPoints(const MapStart& start, const SurveyInput& inpu
     }
   }
   return best;
+}
+
+// How far control lies from where the others have it, if all of it does so by the same: the others then hold the map's
+// attitude, and control its place. A solution that began elsewhere would have to move the whole map.
+Eigen::Vector3d CommonShift(const MapStart& start, const SurveyInput& input, const std::vector<SurveyPoint>& points,
+                            const Rigid3d& world_from_map) {
+  constexpr double kAgree = 0.25;  // of the shift
+  std::vector<Eigen::Vector3d> shifts;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const SurveyPoint& p : points) {
+    const std::optional<PointPair> pair = PairOf(start, input, p);
+    if (!pair || p.role != PointRole::kControl) continue;
+    shifts.emplace_back(pair->world - world_from_map * pair->map);
+    mean += shifts.back();
+  }
+  if (shifts.size() < 2) return Eigen::Vector3d::Zero();
+  mean /= static_cast<double>(shifts.size());
+  for (const Eigen::Vector3d& shift : shifts) {
+    if ((shift - mean).norm() > kAgree * mean.norm()) return Eigen::Vector3d::Zero();
+  }
+  return mean;
 }
 
 // Stamps of odometry between frames that are far apart, so that its errors add up along the way it took: a straight
@@ -377,6 +406,7 @@ std::optional<Rigid3d> WorldFromMap(const SurveyInput& input, const std::vector<
   std::optional<Rigid3d> world_from_map = JoinPoints(*start, input, datum_points);
   if (!world_from_map && input.use_gps) world_from_map = JoinGps(input, *start);
   start->in_world = world_from_map.has_value();
+  if (world_from_map) world_from_map->translation += CommonShift(*start, input, datum_points, *world_from_map);
   return world_from_map ? world_from_map : Level(input, *start);
 }
 

@@ -447,18 +447,23 @@ TEST(TagMap, OdometryThatJumpsIsNoDuplicate) {
   ExpectOthersRight(map, yard, {});
 }
 
-TEST(TagMap, ControlThatNoPictureShowsIsNamedAndGeotagsHoldTheMap) {
-  Yard yard = MakeYard(24);
-  yard.input.points[0].tag_id = 99;
+// The yard's tags as geotags of panoramas beside them state them.
+void AddGeotags(double up_m, Yard* yard) {
   for (int t = 0; t < 8; ++t) {
     SurveyPoint geotag;
     geotag.name = "pano" + std::to_string(t);
     geotag.role = PointRole::kGeotag;
     geotag.tag_id = t;
     geotag.sigma_h_m = geotag.sigma_v_m = 0.3;
-    geotag.world_m = yard.tags[static_cast<size_t>(t)].translation;
-    yard.input.points.push_back(geotag);
+    geotag.world_m = yard->tags[static_cast<size_t>(t)].translation + up_m * Eigen::Vector3d::UnitZ();
+    yard->input.points.push_back(geotag);
   }
+}
+
+TEST(TagMap, ControlThatNoPictureShowsIsNamedAndGeotagsHoldTheMap) {
+  Yard yard = MakeYard(24);
+  yard.input.points[0].tag_id = 99;
+  AddGeotags(0, &yard);
   const SurveyResult map = Survey(yard.input);
   EXPECT_EQ(map.datum, "control and geotags");
   EXPECT_TRUE(map.in_world);
@@ -466,6 +471,21 @@ TEST(TagMap, ControlThatNoPictureShowsIsNamedAndGeotagsHoldTheMap) {
     return w.text.find("control point P0: no picture shows its tag") != std::string::npos;
   });
   EXPECT_TRUE(named);
+}
+
+// Heights above the sea in one of the two: the map starts at the geotags, and control has it elsewhere.
+TEST(TagMap, ControlHoldsTheMapWhereGeotagsLieApartFromIt) {
+  Yard yard = MakeYard(24);
+  yard.input.points.resize(2);
+  AddGeotags(48, &yard);
+  const SurveyResult map = Survey(yard.input);
+  EXPECT_EQ(map.datum, "control and geotags");
+  for (const SurveyPoint& p : {yard.input.points[0], yard.input.points[1]}) {
+    const auto tag =
+        std::find_if(map.tags.begin(), map.tags.end(), [&](const auto& t) { return t.tag_id == p.tag_id; });
+    ASSERT_NE(tag, map.tags.end());
+    EXPECT_LT((tag->world_from_tag->translation - p.world_m).norm(), 0.1) << p.name;
+  }
 }
 
 TEST(TagMap, AWrongDistanceIsTakenOut) {
