@@ -11,12 +11,13 @@
 #include "app/pipeline/reviewed.h"
 #include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
+#include "app/pipeline/tag_views.h"
 #include "calib/base/counted.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
-#include "datasets/solution/solution_model.h"
 #include "eval/errors/evaluation_files.h"
 #include "eval/errors/reference_maps.h"
 #include "eval/errors/rotation_errors.h"
@@ -81,35 +82,6 @@ StageTarget TargetOf(const std::string& run, const std::string& variant) {
   target.run = run;
   target.variant = variant;
   return target;
-}
-
-// The run's pictures with tags, with the poses that `localize` found for them in the run's own frame.
-struct OwnViews {
-  std::vector<TagView> views;
-  std::vector<std::pair<int64_t, std::string>> images;  // of each: time and camera
-};
-
-OwnViews TagViews(const Run& run, const LocalizeResult& result, const std::vector<ImageDetections>& images) {
-  OwnViews own;
-  if (run.cameras.empty()) return own;
-  std::map<int64_t, Rigid3d> odom_from_first;
-  for (const TimedPose& pose : result.cameras_odom) odom_from_first[pose.stamp_ns] = pose.target_from_body;
-  const Rigid3d first_from_body = run.cameras.front().cam_from_body;
-  for (const ImageDetections& image : images) {
-    const auto pose = odom_from_first.find(image.stamp_ns);
-    if (image.detections.empty() || pose == odom_from_first.end()) continue;
-    for (const BodyCamera& camera : run.cameras) {
-      if (camera.name != image.camera) continue;
-      TagView view;
-      view.camera = &camera.camera;
-      view.world_from_cam = pose->second * first_from_body * camera.cam_from_body.Inverse();
-      view.run = run.name;
-      view.detections = image.detections;
-      own.views.push_back(std::move(view));
-      own.images.emplace_back(image.stamp_ns, image.camera);
-    }
-  }
-  return own;
 }
 
 TagDerivatives DerivativesOf(const Solution& solution, const OwnViews& own, const std::vector<TagEstimate>& tags) {
@@ -228,9 +200,9 @@ TagDerivatives AddOwnTags(const EvaluateStageOptions& options, const Run& run, c
   std::vector<ImageDetections> images = ReadDetections(detections, options.tags.extra_sigma_px, &warnings);
   LeaveOutExcluded(context.project.review(), run.name, images);
   Run seen = run;
-  if (solution != nullptr) TakeLenses(*solution, &seen.cameras);
+  if (solution != nullptr) TakeLenses(solution->cameras, &seen.cameras);
   MoveToImageTimes(seen, context.project.site().tags, &images);
-  const OwnViews own = TagViews(seen, evaluated->result, images);
+  const OwnViews own = TagViews(seen, evaluated->result, solution, images);
   const auto estimate = [&](const TagSizes& sizes) {
     return EstimateTagPoses(own.views, sizes, options.tags, context.threads, context.progress, context.cancel);
   };
@@ -505,7 +477,7 @@ StageInfo EvaluateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     StageRequest request;
-    request.version = 14;
+    request.version = 15;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);

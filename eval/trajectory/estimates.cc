@@ -10,6 +10,7 @@
 #include "calib/estimation/random.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/alignment.h"
+#include "calib/geometry/path.h"
 #include "datasets/io/yaml.h"
 #include "eval/gates/intervals.h"
 #include "eval/statistics/distributions.h"
@@ -301,10 +302,7 @@ ClockFinding FindClock(const PoseSequence& truth, const PoseSequence& said, doub
   found.offset = EstimateTimeOffset(truth, said, max_offset_s, TrajectoryAlignment::kSE3);
   if (fit_first) return found;
   std::optional<ClockOffset> as_it_is = EstimateTimeOffset(truth, said, max_offset_s, TrajectoryAlignment::kNone);
-  double path = 0;
-  for (size_t i = 1; i < truth.poses.size(); ++i) {
-    path += (truth.poses[i].translation - truth.poses[i - 1].translation).norm();
-  }
+  const double path = truth.poses.empty() ? 0 : PathLengths(truth.poses).back();
   if (!as_it_is || path <= 0) return found;
   // The reference may be off by its sigma all along the path, which looks like a clock that is off.
   const double seconds = static_cast<double>(truth.stamps_ns.back() - truth.stamps_ns.front()) / kSecondNs;

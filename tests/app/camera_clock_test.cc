@@ -5,6 +5,7 @@
 
 #include "app/pipeline/calibrate_hand_eye.h"
 #include "app/pipeline/localize_files.h"
+#include "app/pipeline/tag_views.h"
 
 namespace trigpoint {
 namespace {
@@ -60,6 +61,41 @@ TEST(CameraClock, PosesOfTheFirstCameraAreOnTheBodysClock) {
     EXPECT_LT((pose.target_from_body.translation - truth.translation).norm(), 1e-9);
   }
   EXPECT_EQ(trajectory.poses.front().stamp_ns, std::llround(1e9 * kShift_s));
+}
+
+TEST(CameraClock, ImagesWithTagsHaveTheBodyAtTheirOwnTime) {
+  trigpoint::Run run = ShiftedRun();
+  run.cameras.push_back(run.cameras.front());
+  run.cameras[0].cam_from_body.translation.y() = 0.3;
+  run.cameras[1].name = "cam1";
+  run.cameras[1].time_offset_s = 0.1;
+  const ImageDetections first{2'000'000'000, "2.jpg", "cam0", {TagDetection()}};
+  ImageDetections second = first, together = first;
+  second.camera = together.camera = "cam1";
+  together.stamp_ns = 2'300'000'000;  // the second camera, while the first one takes `first`
+  Solution solution;
+  for (const double moment : {2.1, 2.4}) {
+    solution.pose_stamps.push_back(std::llround(1e9 * moment));
+    solution.problem.poses.push_back(BodyAt(moment).Inverse());
+  }
+  OwnViews own = TagViews(run, {}, &solution, {first, second, together});
+  ASSERT_EQ(own.views.size(), 3U);
+  const double moments[] = {2.4, 2.1, 2.4};
+  for (size_t k = 0; k < 3; ++k) {
+    const BodyCamera& camera = run.cameras[k == 0 ? 0 : 1];
+    const Rigid3d truth = BodyAt(moments[k]) * camera.cam_from_body.Inverse();
+    EXPECT_EQ(own.views[k].camera, &camera.camera);
+    EXPECT_LT((own.views[k].world_from_cam.translation - truth.translation).norm(), 1e-9) << k;
+    EXPECT_LT(AngleBetween(own.views[k].world_from_cam.rotation, truth.rotation), 1e-6) << k;
+  }
+  // Of older programs: the poses of the first camera alone.
+  LocalizeResult result;
+  result.cameras_odom.push_back({first.stamp_ns, own.views[0].world_from_cam});
+  const Rigid3d expected = own.views[2].world_from_cam;
+  own = TagViews(run, result, nullptr, {first, second, together});
+  ASSERT_EQ(own.views.size(), 2U);
+  EXPECT_EQ(own.images[1], std::make_pair(together.stamp_ns, std::string("cam1")));
+  EXPECT_LT((own.views[1].world_from_cam.translation - expected.translation).norm(), 1e-9);
 }
 
 }  // namespace
