@@ -59,6 +59,7 @@ void AddReferences(const std::vector<ReferenceViews>& references, const std::vec
     if (!taken[i] || !IsLocalized(answer)) continue;
     const ReferenceViews& ref = references[i];
     const int first_view = static_cast<int>(p.views.size());
+    answer.views = {first_view, ref.rig.views.front().camera.MeanFocal(), ref.errors};
     for (const View& v : ref.rig.views) p.views.push_back(v.rig_from_view.Inverse());
     AddPose(&answer, &p);
     for (const ViewObservation& v : answer.registration.inliers) {
@@ -96,10 +97,20 @@ double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& ta
   return std::sqrt(errors[middle] / 1.386);  // median of chi-square with 2 dof
 }
 
-// Of the solved problem, with what the lenses leave open.
-std::unique_ptr<BundleCovariance> CovarianceOf(const Task& task, Reconstruction* r) {
-  r->problem.pose_shifts = PoseShiftsByLenses(task.input, *r, task.threads, task.cancel);
-  return std::make_unique<BundleCovariance>(r->problem, task.threads, task.cancel);
+// Of the solved problem, with what the lenses and the references' views leave open.
+std::unique_ptr<BundleCovariance> CovarianceOf(const Task& task, Localization* result) {
+  Reconstruction& r = result->reconstruction;
+  BundleProblem& p = r.problem;
+  std::vector<PlacedViews> references;
+  for (const ReferenceAnswer& answer : result->references) references.push_back(answer.views);
+  p.pose_shifts.resize(0, 0);
+  const Eigen::MatrixXd by_views = PoseShiftsByViews(references, p, r.image_of, task.threads, task.cancel);
+  p.pose_shifts = PoseShiftsByLenses(task.input, r, task.threads, task.cancel);
+  if (by_views.size() > 0) {
+    p.pose_shifts.conservativeResize(by_views.rows(), p.pose_shifts.cols() + by_views.cols());
+    p.pose_shifts.rightCols(by_views.cols()) = by_views;
+  }
+  return std::make_unique<BundleCovariance>(p, task.threads, task.cancel);
 }
 
 // Covariance of places' odom_from_rig (left tangent, odom axes), jointly.
@@ -254,7 +265,7 @@ void UseWorld(const Task& task, const WorldEvidence& evidence, EarthFit* earth, 
   earth->input.registration = result->geo;
   fit = FitWorld(task.input, earth->input, task.gps, evidence, task.options.geo, task.Bundle(20), &p,
                  &result->reconstruction.summary, task.progress, task.cancel);
-  earth->covariance = CovarianceOf(task, &result->reconstruction);
+  earth->covariance = CovarianceOf(task, result);
   result->on_earth = fit.solved;
   result->earth_reason = fit.reason;
   if (!fit.solved) return;
@@ -288,7 +299,7 @@ void UseSources(const Task& task, bool with_headings, EarthFit* earth, Localizat
     result->reconstruction.summary = SolveBundle(p, task.Bundle(5), task.progress, task.cancel);
     earth->input = CollectEarth(task, *result);
     if (!with_headings) LeaveOutHeadings(&earth->input);
-    earth->covariance = CovarianceOf(task, &result->reconstruction);
+    earth->covariance = CovarianceOf(task, result);
     result->geo = FitSources(task, p, 1 / scale, earth);
   }
   result->earth_reason = result->geo.reason;
@@ -310,7 +321,7 @@ EarthFit Georeference(const Task& task, const WorldEvidence& evidence, Localizat
                           "; expected degrees clockwise from north; not used: correct table or EXIF");
     LeaveOutHeadings(&earth.input);
   }
-  earth.covariance = CovarianceOf(task, &result->reconstruction);
+  earth.covariance = CovarianceOf(task, result);
   if (!task.input.has_frame) {
     result->earth_reason = "the project has no origin: give geotags, GPS, control points or origin.json";
     return earth;
@@ -471,7 +482,8 @@ void Answer(const Task& task, EarthFit earth, Localization* result) {
   const size_t body_poses = task.input.odom_from_body.size();
   if (result->on_earth) {
     NoteGeotags(task.input.references, earth.input, result);
-    RejectContradicted(task.options.registration.min_contradicted_inliers, result);
+    // The published method takes geotags as given: it rejects no panorama by its own.
+    if (!task.IsPaper()) RejectContradicted(task.options.registration.min_contradicted_inliers, result);
     std::vector<PoseEstimate> bodies(body_poses);
     ParallelFor(static_cast<int64_t>(body_poses), task.threads, task.cancel,
                 [&](int64_t i) { bodies[static_cast<size_t>(i)] = WorldPose(*result, static_cast<int>(i)); });

@@ -12,6 +12,7 @@
 #include "localize/reconstruct/step_times.h"
 #include "localize/references/registration.h"
 #include "localize/references/retrieval.h"
+#include "localize/references/view_errors.h"
 
 namespace trigpoint {
 
@@ -44,6 +45,7 @@ struct ReferenceAnswer {
   Registration registration;  // rig_from_odom after the joint solution
   PoseEstimate world;         // valid where the run is on the Earth
   int pose = -1;              // of the reconstruction's problem; -1: not part of the joint solution
+  PlacedViews views;          // of that problem
   bool geotag_used = false;
   bool geotag_outlier = false;
   Eigen::Vector3d geotag_difference = Eigen::Vector3d::Zero();  // said - estimated, ENU, m

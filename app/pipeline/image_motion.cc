@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <fstream>
 #include <map>
 #include <set>
 
@@ -11,6 +12,7 @@
 #include "calib/base/median.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/image.h"
+#include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
 
 namespace trigpoint {
@@ -67,11 +69,33 @@ std::optional<double> LengthByGps(const std::vector<GpsFix>& gps, const std::vec
   return true_m / in_units;
 }
 
-std::string FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
+namespace {
+
+constexpr const char* kScaleSigma = "scale_sigma=";  // in the first line of a motion whose length is known
+
+std::vector<std::string> HeaderOf(const std::string& unit) {
+  return {"trigpoint motion 1; frame=odom (origin at the first placed pose, z up); from=images; unit=" + unit};
+}
+
+// How well the length of a motion is known, by its first line.
+double ScaleSigmaOf(const std::filesystem::path& motion) {
+  std::ifstream in(motion);
+  std::string line;
+  std::getline(in, line);
+  const size_t at = line.find(kScaleSigma);
+  if (at == std::string::npos) return kUnknownScaleSigma;
+  return ParseDouble(Trim(line.substr(at + std::string(kScaleSigma).size()))).value_or(kUnknownScaleSigma);
+}
+
+}  // namespace
+
+FoundMotion FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
                             const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
                             const CancelToken& cancel) {
-  ImageMotion found = MotionFromImages(job.input, options.motion, options.pairs, threads, seed, progress, cancel);
-  LevelMotion(job.input, TopsOf(run, job.input), &found);
+  // Cameras that stand apart contradict a motion without a unit.
+  const LocalizeInput input = OnlyImages(job.input, ImagesOfFirstCentre(job.input));
+  ImageMotion found = MotionFromImages(input, options.motion, options.pairs, threads, seed, progress, cancel);
+  LevelMotion(input, TopsOf(run, input), &found);
   std::vector<TimedPose> poses;
   for (size_t i = 0; i < found.odom_from_body.size(); ++i) {
     if (found.odom_from_body[i]) poses.push_back({job.input.pose_stamps[i], *found.odom_from_body[i]});
@@ -79,12 +103,22 @@ std::string FindImageMotion(const Run& run, const LocalizeJob& job, const Recons
   const std::optional<double> length = LengthByGps(run.gps, poses);
   for (TimedPose& pose : poses) pose.target_from_body.translation *= length.value_or(1);
   const std::string unit = length ? "m, by the run's GPS" : "unknown (the median distance of scene points is 10 units)";
-  WriteTum(file, poses,
-           {"trigpoint motion 1; frame=odom (origin at the first placed pose, z up); from=images; unit=" + unit});
-  return fmt::format(
-      "run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} pairs verified); "
-      "its unit of length is {}",
-      run.name, found.placed, job.input.pose_stamps.size(), found.pairs_verified, found.pairs_tried, unit);
+  WriteTum(file, poses, HeaderOf(unit));
+  return {fmt::format("run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} "
+                      "pairs verified); its unit of length is ",
+                      run.name, found.placed, job.input.pose_stamps.size(), found.pairs_verified, found.pairs_tried),
+          unit};
+}
+
+void WriteMotion(const LocalizeJob& job, const BundleProblem& solved, const std::string& unit, double sigma_share,
+                 const std::filesystem::path& file) {
+  std::vector<TimedPose> poses;
+  for (size_t k = 0; k < job.input.pose_stamps.size(); ++k) {
+    poses.push_back({job.input.pose_stamps[k], solved.poses[k].Inverse()});
+  }
+  const std::string sigma =
+      sigma_share < kUnknownScaleSigma ? fmt::format("; {}{:.6f}", kScaleSigma, sigma_share) : std::string();
+  WriteTum(file, poses, HeaderOf(unit + sigma));
 }
 
 namespace {
@@ -106,22 +140,18 @@ void FollowLenses(const std::vector<BodyCamera>& calibrated, const Run& run, Sit
 
 }  // namespace
 
-void FollowFoundLenses(const std::filesystem::path& dir, Run* run) {
-  if (!std::filesystem::exists(dir / kFoundCamerasFile)) return;
-  const std::vector<BodyCamera> found = ReadCamchain(dir / kFoundCamerasFile);
-  for (size_t c = 0; c < run->cameras.size() && c < found.size(); ++c) {
-    run->cameras[c].camera = found[c].camera;
-    run->cameras[c].focal_sigma_share = 0;
-  }
+std::vector<BodyCamera> FoundLenses(const std::filesystem::path& dir) {
+  const std::filesystem::path file = dir / kFoundCamerasFile;
+  return std::filesystem::exists(file) ? ReadCamchain(file) : std::vector<BodyCamera>();
 }
 
 void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site) {
   const std::vector<BodyCamera> calibrated = run->cameras;
-  FollowFoundLenses(dir, run);
+  TakeLenses(FoundLenses(dir), &run->cameras);
   if (site != nullptr) FollowLenses(calibrated, *run, site);
   if (!run->odometry.poses.empty()) return;
   run->odometry = ReadTrajectory(dir / kMotionFile);
-  run->config.odometry_scale_sigma = kUnknownScaleSigma;
+  run->config.odometry_scale_sigma = ScaleSigmaOf(dir / kMotionFile);
   run->config.odometry_levelled = false;
   std::set<int64_t> placed;
   for (const TimedPose& pose : run->odometry.poses) placed.insert(pose.stamp_ns);

@@ -10,6 +10,7 @@
 
 #include "app/pipeline/localize_files.h"
 #include "localize/reconstruct/reconstruct_run.h"
+#include "localize/reconstruct/rig_length.h"
 #include "localize/reconstruct/self_calibration.h"
 
 namespace trigpoint {
@@ -24,17 +25,27 @@ inline constexpr const char* kFoundCamerasFile = "camchain.yaml";
 // Nothing where GPS does not show more than its own noise. A few wrong fixes do not matter.
 std::optional<double> LengthByGps(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion);
 
-// Writes `file`: the motion of `job`'s images, z up, as long as the run's GPS says, if it has any. Returns what to warn
-// of.
-std::string FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
+// What to warn of, a sentence that ends with the unit.
+struct FoundMotion {
+  std::string text, unit;
+};
+
+// Writes `file`: the motion of `job`'s images of the first centre (localize/reconstruct/rig_length.h), z up, as long as
+// the run's GPS says, if it has any.
+FoundMotion FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
                             const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
                             const CancelToken& cancel);
 
-// The lenses that the folder of a reconstruction says were found, if any, become the run's.
-void FollowFoundLenses(const std::filesystem::path& dir, Run* run);
-// What the folder of a reconstruction says becomes the run's: its motion, where the run has no odometry (images
-// without a place in it leave the run), and the lenses found, which photos of `site` that were taken with these cameras
-// follow.
+// Writes `file` anew: the motion of the job's body poses as they are solved. `sigma_share`: 1 sigma of its length,
+// which FollowReconstruction takes over; kUnknownScaleSigma: not known.
+void WriteMotion(const LocalizeJob& job, const BundleProblem& solved, const std::string& unit, double sigma_share,
+                 const std::filesystem::path& file);
+
+// The cameras with the lenses that the reconstruction in a folder has found, for TakeLenses; none if it has found none.
+std::vector<BodyCamera> FoundLenses(const std::filesystem::path& dir);
+// What the folder of a reconstruction says becomes the run's: its motion and how well its length is known, where the
+// run has no odometry (images without a place in it leave the run), and the lenses found, which photos of `site` that
+// were taken with these cameras follow.
 void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site = nullptr);
 
 // The lenses found take the places of the run's guesses.

@@ -13,6 +13,7 @@
 #include "datasets/io/source_quality.h"
 #include "localize/reconstruct/rolling_shutter.h"
 #include "localize/references/view_index.h"
+#include "survey/panorama/refine_rig.h"
 #include "survey/panorama/rig_files.h"
 
 namespace trigpoint {
@@ -409,11 +410,25 @@ void AddStitchedSets(const Site& site, const std::map<std::string, std::filesyst
       continue;
     }
     std::erase_if(*prepared, [&](const PreparedReference& p) { return p.reference == static_cast<int>(k); });
+    RefineRigInput as_stitched;
+    as_stitched.rig = stitched;
+    as_stitched.shape_covariance = file.shape_covariance;
+    as_stitched.log_scale_sigma = file.radius_log_sigma;
+    r.errors.poses = StitchedViewCovariance(as_stitched);
     job->shapes[static_cast<int>(job->references.size())] = {file.shape_covariance, file.radius_log_sigma};
     job->references.push_back({static_cast<int>(k), reference.name, std::move(stitched)});
     names_of->push_back(std::move(names));
     job->input.references.push_back(std::move(r));
   }
+}
+
+// 1 sigma of a photo's focal length, a share of it: that of EXIF where nobody calibrated its camera.
+double FocalShare(const Site& site, const Reference& reference, const PreparedReference& prepared) {
+  if (reference.kind == ReferenceKind::kPhotoSet) return kExifFocalSigma;
+  if (reference.kind == ReferenceKind::kPanorama) return 0;
+  const std::optional<Camera> exif = CameraFromMetadata(ReadPhotoMetadata(site.dir / prepared.name));
+  const Camera& camera = prepared.rig.views.front().camera;
+  return exif && exif->model() == camera.model() && exif->params() == camera.params() ? kExifFocalSigma : 0;
 }
 
 }  // namespace
@@ -525,6 +540,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
       if (QualityOfSource(credit->second.source) != nullptr) r.source = credit->second.source;
     }
     if (reference.kind == ReferenceKind::kPhotoSet) r.set = p.reference;
+    r.errors.focal_share = FocalShare(site, reference, p);
     input.references.push_back(std::move(r));
     job.references.push_back(std::move(p));
   }

@@ -184,24 +184,95 @@ fs::path FeaturesOf(const Project& project, const StageTarget& target) {
   return ResultOf(project, "features", Plain(target)) / kFeaturesFile;
 }
 
-// With the cameras of the run as they are. A run without odometry finds its motion first.
+// The job of a run without odometry along the motion that was found for it.
+LocalizeJob JobAlongMotion(Run run, const fs::path& features, const StageContext& context) {
+  FollowReconstruction(context.out, &run);
+  LocalizeJob job = MakeRunJob(run, features);
+  job.input.has_odometry = false;
+  return job;
+}
+
+// Of a reconstruction from some images of a run: their indices become those of the run.
+void RenumberImages(const std::vector<int>& images, RunReconstruction* run) {
+  const auto of_run = [&](int* image) { *image = images[static_cast<size_t>(*image)]; };
+  for (int& image : run->reconstruction.image_of) of_run(&image);
+  for (ImagePair& pair : run->pairs_rejected) of_run(&pair.a), of_run(&pair.b);
+}
+
+// Structure from motion may have single images elsewhere than the reconstruction, which joins all their tracks: where
+// it does, the run is reconstructed again along what was found, as its pairs were judged by the wrong motion. In the
+// end the reconstruction's own motion stands in place of odometry: the one that it began with would pull on every
+// solution that follows.
+RunReconstruction ReconstructAlongMotion(const ReconstructRunOptions& options, LocalizeInput input,
+                                         const StageContext& context) {
+  constexpr int kRounds = 3;
+  for (int round = 1;; ++round) {
+    RunReconstruction run =
+        ReconstructRun(input, options, false, context.threads, context.seed, context.progress, context.cancel);
+    BundleProblem& p = run.reconstruction.problem;
+    bool contradicted = false;
+    for (PoseFactor& f : p.factors) {
+      if (f.kind != PoseFactor::Kind::kBetween) continue;
+      contradicted = contradicted || f.weight < 1;
+      f.measured = p.poses[static_cast<size_t>(f.a)] * p.poses[static_cast<size_t>(f.b)].Inverse();
+    }
+    if (!contradicted || round == kRounds) return run;
+    for (size_t k = 0; k < input.odom_from_body.size(); ++k) input.odom_from_body[k] = p.poses[k].Inverse();
+  }
+}
+
+// Finds the motion first. Where cameras stand apart on the body, the images of one centre of each pose show the motion
+// and, with the other cameras, its length; without a length these take no part, as their places contradict a frame of
+// another unit, unless they are so close together that it does not matter.
+LocalizeJob ReconstructImagesAlone(const ReconstructRunOptions& options, const fs::path& features, const Run& run,
+                                   StageContext& context, RunReconstruction* result) {
+  const fs::path file = context.out / kMotionFile;
+  const FoundMotion found = FindImageMotion(run, MakeRunJob(run, features), options, file, context.threads,
+                                            context.seed, context.progress, context.cancel);
+  LocalizeJob job = JobAlongMotion(run, features, context);
+  const auto done = [&](const std::string& unit, double sigma_share) {
+    WriteMotion(job, result->reconstruction.problem, unit, sigma_share, file);
+    return job;
+  };
+  const std::vector<int> images = ImagesOfFirstCentre(job.input);
+  *result = ReconstructAlongMotion(options, OnlyImages(job.input, images), context);
+  job.warnings.push_back(found.text + found.unit);
+  if (images.size() == job.input.images.size()) return done(found.unit, kUnknownScaleSigma);
+  RenumberImages(images, result);
+  const RigLength length =
+      LengthByRig(job.input, result->reconstruction, options.pairs, context.threads, context.cancel);
+  context.metrics["length_by_rig"] = {{"known", length.known}, {"matches", length.matches}};
+  if (!length.known && length.contradiction_sigmas < 1) {  // the distances are too short to matter
+    *result = ReconstructAlongMotion(options, job.input, context);
+    return done(found.unit, kUnknownScaleSigma);
+  }
+  if (!length.known) {
+    job.warnings.push_back(fmt::format(
+        "run {}: the distances between its cameras do not show its length ({} matches between cameras that stand apart "
+        "agree; expected a length to 10 %, 1 sigma): the {} images of cameras that stand apart from the first take no "
+        "part in the reconstruction",
+        run.name, length.matches, job.input.images.size() - images.size()));
+    return done(found.unit, kUnknownScaleSigma);
+  }
+  context.metrics["length_by_rig"]["sigma_share"] = length.sigma_share;
+  job.input.odom_from_body = MotionInMetres(job.input, result->reconstruction, length.m_per_unit);
+  job.warnings.back() = fmt::format("{}m, by the cameras' places on the body ({:.1f} %, 1 sigma, {} matches)",
+                                    found.text, 100 * length.sigma_share, length.matches);
+  *result = ReconstructAlongMotion(options, job.input, context);
+  return done("m, by the cameras' places on the body", length.sigma_share);
+}
+
+// With the cameras of the run as they are.
 LocalizeJob ReconstructOnce(const ReconstructRunOptions& options, const std::string& mode, const StageTarget& target,
-                            Run run, StageContext& context, RunReconstruction* result) {
+                            const Run& run, StageContext& context, RunReconstruction* result) {
   const fs::path features = FeaturesOf(context.project, target);
   LocalizeJob job = MakeRunJob(run, features);
-  if (!job.input.has_odometry) {
-    if (mode == "paper") {
-      throw InputError("run " + run.name +
-                       ": has no odometry, which the published method needs: odometry.tum (timestamp tx ty tz qx qy qz "
-                       "qw); without it run `trigpoint localize` in its own mode");
-    }
-    const std::string said = FindImageMotion(run, job, options, context.out / kMotionFile, context.threads,
-                                             context.seed, context.progress, context.cancel);
-    FollowReconstruction(context.out, &run);
-    job = MakeRunJob(run, features);
-    job.warnings.push_back(said);
-    job.input.has_odometry = false;
+  if (!job.input.has_odometry && mode == "paper") {
+    throw InputError("run " + run.name +
+                     ": has no odometry, which the published method needs: odometry.tum (timestamp tx ty tz qx qy qz "
+                     "qw); without it run `trigpoint localize` in its own mode");
   }
+  if (!job.input.has_odometry) return ReconstructImagesAlone(options, features, run, context, result);
   *result = ReconstructRun(job.input, options, mode == "paper", context.threads, context.seed, context.progress,
                            context.cancel);
   return job;
@@ -374,7 +445,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 18;
+    request.version = 19;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

@@ -169,6 +169,7 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const Registration
       answer.rig_from_odom = set.rig.rig_from_world;
       answer.covariance = set.rig.covariance;
       (*references)[i].rig = set.rig.rig;
+      if (set.rig.view_covariance.size() > 0) (*references)[i].errors.poses = set.rig.view_covariance;
       sets.push_back(std::move(set));
     } catch (const NumericError& e) {
       progress.Log(LogLevel::kWarning, "the rig of " + job.references[i].name + " is used as stitched: " + e.what());

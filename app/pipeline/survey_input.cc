@@ -355,9 +355,11 @@ void RequireKnownLens(const std::string& run, const std::vector<BodyCamera>& cam
   const bool known = std::none_of(cameras.begin(), cameras.end(),
                                   [](const BodyCamera& c) { return c.focal_sigma_share >= kWildGuess; });
   if (known || self_calibrate) return;
-  throw InputError("run " + run +
-                   ": the lens of its pictures is not known; expected camchain.yaml (`trigpoint calibrate`), photos "
-                   "whose EXIF states the focal length, or `trigpoint survey --set map.self_calibrate=true`");
+  throw InputError(
+      "run " + run +
+      ": the lens of its pictures is not known; expected camchain.yaml (`trigpoint calibrate`), photos "
+      "whose EXIF states the focal length, a lens that `trigpoint reconstruct` found, or `trigpoint survey "
+      "--set map.self_calibrate=true`");
 }
 
 void WarnOfGuessedLens(const SurveyRun& run, std::vector<std::string>* warnings) {
@@ -365,9 +367,26 @@ void WarnOfGuessedLens(const SurveyRun& run, std::vector<std::string>* warnings)
   if (!(share > 0)) return;
   warnings->push_back(fmt::format(
       "run {}: its lens is taken from EXIF (focal length good to {:.0f} %, 1 sigma; no distortion), and the "
-      "map's sigmas do not contain that error; calibrate the camera (trigpoint calibrate), or run "
-      "`trigpoint survey --set map.self_calibrate=true`",
+      "map's sigmas do not contain that error; calibrate the camera (trigpoint calibrate), run `trigpoint reconstruct` "
+      "first, which estimates the lens, or run `trigpoint survey --set map.self_calibrate=true`",
       run.name, 100 * share));
+}
+
+// The scene points of a run's reconstruction, and the lenses found there; where it cannot be read, neither is used.
+void UseReconstruction(const Project& project, const StageTarget& its, const SurveyStageOptions& options, Run* run,
+                       SurveyRun* survey, std::vector<std::string>* warnings) {
+  const bool points = UsesScenePoints(options, *run);
+  if (!points && !UsesFoundLens(options, *run)) return;
+  try {
+    const std::vector<BodyCamera> found = FoundLenses(ReconstructionManifest(project, "survey", its).parent_path());
+    if (points) AddTies(ReadReconstruction(project, "survey", its), options.ties_per_image, survey);
+    TakeLenses(found, &run->cameras);
+  } catch (const Error& e) {
+    warnings->push_back(fmt::format(
+        "run {}: {}: {}", run->name,
+        points ? "no scene points, tags and odometry alone" : "the lens that `trigpoint reconstruct` found is not used",
+        e.what()));
+  }
 }
 
 void AddRun(const Project& project, const StageTarget& target, const SurveyStageOptions& options, const Run& run,
@@ -383,23 +402,15 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   SurveyRun survey;
   survey.name = run.name;
   survey.date = run.config.date;
-  survey.cameras = run.cameras;
-  survey.images = detections != nullptr ? detections->at(run.name) : ReadDetections(file, 0.5, &job->warnings);
-  LeaveOutExcluded(project.review(), run.name, survey.images);
-  MoveToImageTimes(run, project.site().tags, &survey.images);
   survey.odometry = run.odometry;
   survey.scale_sigma = run.config.odometry_scale_sigma;
   survey.levelled = run.config.odometry_levelled;
-  if (UsesScenePoints(options, run)) {
-    try {
-      Run found = run;
-      FollowReconstruction(ReconstructionManifest(project, "survey", its).parent_path(), &found);
-      AddTies(ReadReconstruction(project, "survey", its), options.ties_per_image, &survey);
-      survey.cameras = found.cameras;
-    } catch (const Error& e) {
-      job->warnings.push_back(fmt::format("run {}: no scene points, tags and odometry alone: {}", run.name, e.what()));
-    }
-  }
+  Run seen = run;  // through the lenses that `reconstruct` found
+  UseReconstruction(project, its, options, &seen, &survey, &job->warnings);
+  survey.cameras = seen.cameras;
+  survey.images = detections != nullptr ? detections->at(run.name) : ReadDetections(file, 0.5, &job->warnings);
+  LeaveOutExcluded(project.review(), run.name, survey.images);
+  MoveToImageTimes(seen, project.site().tags, &survey.images);
   RequireKnownLens(run.name, survey.cameras, options.map.self_calibrate);
   if (!options.map.self_calibrate) WarnOfGuessedLens(survey, &job->warnings);
   AddGps(project, run, &survey);
@@ -650,6 +661,12 @@ std::vector<const Run*> SurveyRuns(const Project& project) {
 
 bool UsesScenePoints(const SurveyStageOptions& options, const Run& run) {
   return options.tie_points && !options.map.self_calibrate && !run.odometry.poses.empty() && !run.images.empty();
+}
+
+bool UsesFoundLens(const SurveyStageOptions& options, const Run& run) {
+  return !options.map.self_calibrate && !run.images.empty() &&
+         std::any_of(run.cameras.begin(), run.cameras.end(),
+                     [](const BodyCamera& c) { return c.focal_sigma_share > 0; });
 }
 
 std::map<std::string, std::string> RunsOfRefusedOdometry(const Project& project, const StageTarget& target,

@@ -81,6 +81,9 @@ using DetectionsOfRuns = std::map<std::string, std::vector<ImageDetections>>;
 
 // Do scene points tie this run's images? Its reconstruction is read then.
 bool UsesScenePoints(const SurveyStageOptions& options, const Run& run);
+// Is the lens of this run's images a guess, in whose place the one is used that its reconstruction has found, if there
+// is one? The survey does not ask for that reconstruction: pictures of tags alone have too few features for it.
+bool UsesFoundLens(const SurveyStageOptions& options, const Run& run);
 
 // Runs whose odometry `reconstruct` refused, and why: a map cannot rest on it. None where the option check_conventions
 // of the map is off.

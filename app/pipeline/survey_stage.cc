@@ -55,7 +55,10 @@ std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& ta
     StageTarget its = target;
     its.run = run->name;
     inputs.push_back(ManifestOf(project, "detect", its));
-    if (UsesScenePoints(options, *run)) inputs.push_back(ReconstructionManifest(project, "survey", its));
+    const fs::path reconstruction = ReconstructionManifest(project, "survey", its);
+    if (UsesScenePoints(options, *run) || (UsesFoundLens(options, *run) && fs::exists(reconstruction))) {
+      inputs.push_back(reconstruction);
+    }
     // Its tables, whatever their names; pictures are behind the stages it reads.
     std::error_code ignored;
     for (fs::directory_iterator it(run->dir, ignored), end; it != end; it.increment(ignored)) {
@@ -243,7 +246,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
-    request.version = 17;
+    request.version = 18;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     request.values["detector"] = JsonFromOptions(DetectorOptions(project, target));

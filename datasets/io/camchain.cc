@@ -207,6 +207,16 @@ int64_t BodyStamp(int64_t image_stamp_ns, const BodyCamera& camera) {
   return image_stamp_ns + std::llround(camera.time_offset_s * 1e9);
 }
 
+void TakeLenses(const std::vector<BodyCamera>& from, std::vector<BodyCamera>* cameras) {
+  for (BodyCamera& camera : *cameras) {
+    for (const BodyCamera& used : from) {
+      if (used.name != camera.name || used.camera.model() == CameraModel::kEquirectangular) continue;
+      camera.camera = used.camera;
+      camera.focal_sigma_share = used.focal_sigma_share;
+    }
+  }
+}
+
 void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,
                    const std::vector<std::string>& comments) {
   std::string text;

@@ -27,6 +27,10 @@ Rigid3d LevelForwardCamera();
 // clock of odometry and GPS).
 int64_t BodyStamp(int64_t image_stamp_ns, const BodyCamera& camera);
 
+// Cameras take the lenses (models, intrinsics, how well they are known) of those of the same name, in any order; other
+// cameras keep theirs. A 360 camera is known by its kind: its views keep theirs, too.
+void TakeLenses(const std::vector<BodyCamera>& from, std::vector<BodyCamera>* cameras);
+
 // Writes the same form (atomically), the views of a 360 camera as that camera; T_cam_imu where has_extrinsics, else
 // T_cn_cnm1 from the camera before.
 void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,

@@ -27,14 +27,6 @@ Solution PartOfRun(const Solution& site, size_t index) {
   return s;
 }
 
-void TakeLenses(const Solution& solution, std::vector<BodyCamera>* cameras) {
-  for (BodyCamera& camera : *cameras) {
-    for (const BodyCamera& used : solution.cameras) {
-      if (used.name == camera.name) camera.camera = used.camera;
-    }
-  }
-}
-
 SolutionModel ModelOf(const Solution& s) {
   SolutionModel out;
   SparseModel& model = out.model;

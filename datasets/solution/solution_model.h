@@ -16,7 +16,4 @@ struct SolutionModel {
 // Images of the run with what they see of the points that are part of the solution and have two rays or more.
 SolutionModel ModelOf(const Solution& solution);
 
-// Cameras of the run, as read, take the lenses that the solution rests on: `reconstruct` may have found others.
-void TakeLenses(const Solution& solution, std::vector<BodyCamera>* cameras);
-
 }  // namespace trigpoint

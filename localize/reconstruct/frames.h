@@ -22,6 +22,15 @@ struct FrameImage {
   int pose = 0;    // index of the body pose (images of the same instant share one)
 };
 
+// What is not known of a reference's views. All points seen in them share these errors.
+struct ViewErrors {
+  double focal_share = 0;  // 1 sigma of the focal length of a pinhole, a share of it; photos of equal focal length
+                           // share the error
+  // Covariance of all rig_from_view jointly: left tangents [rotation (rad), translation (m)], 6 rows and columns a
+  // view. Empty: they are exact.
+  Eigen::MatrixXd poses;
+};
+
 // A reference to localize: a rig of views with their features.
 struct ReferenceViews {
   std::string name;
@@ -32,6 +41,7 @@ struct ReferenceViews {
   std::string source;     // service that it is from, or empty
   int set = -1;           // photos of one hand-held set share it; -1: stands alone
   bool stitched = false;  // a whole hand-held set: the run tells the size of its rig
+  ViewErrors errors;
 };
 
 // Factors on the standard deviations of odometry's stated noise. Two, since stops that are far apart often have good

@@ -131,7 +131,8 @@ struct LogScalePrior {
   }
 };
 
-Eigen::MatrixXd ShapePrior(const RefineRigInput& input, RigFreedom freedom) {
+// Of all photos' [w; e] before the points are used.
+Eigen::MatrixXd ShapeCovariance(const RefineRigInput& input, RigFreedom freedom) {
   const Eigen::Index n = 6 * static_cast<Eigen::Index>(input.rig.views.size());
   Eigen::MatrixXd c = Eigen::MatrixXd::Zero(n, n);
   if (input.shape_covariance.rows() == n) c = input.shape_covariance;
@@ -148,16 +149,19 @@ Eigen::MatrixXd ShapePrior(const RefineRigInput& input, RigFreedom freedom) {
     c.diagonal().segment<3>(6 * v).array() += 1.7e-4 * 1.7e-4;
     c.diagonal().segment<3>(6 * v + 3).array() += 1e-3 * 1e-3;
   }
+  return c;
+}
+
+Eigen::MatrixXd ShapePrior(const RefineRigInput& input, RigFreedom freedom) {
+  const Eigen::MatrixXd c = ShapeCovariance(input, freedom);
   const Eigen::LLT<Eigen::MatrixXd> llt(c);
   if (llt.info() != Eigen::Success) throw NumericError("the rig's covariance is not positive definite");
   // c = L L^T: the whitening is L^-1.
-  return llt.matrixL().solve(Eigen::MatrixXd::Identity(n, n));
+  return llt.matrixL().solve(Eigen::MatrixXd::Identity(c.rows(), c.cols()));
 }
 
 using Place = std::array<double, 3>;
 Place PlaceOf(const KnownPoint& p) { return {p.point.x(), p.point.y(), p.point.z()}; }
-
-bool MovesPhotos(RigFreedom freedom) { return freedom == RigFreedom::kPrior || freedom == RigFreedom::kFree; }
 
 // Free centres hold the size in themselves.
 bool HasScale(RigFreedom freedom) { return freedom == RigFreedom::kScaled || freedom == RigFreedom::kPrior; }
@@ -189,7 +193,7 @@ void AddPriors(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
                Solution* solution) {
   std::vector<double*> blocks;
   for (auto& d : solution->deltas) blocks.push_back(d.data());
-  if (MovesPhotos(freedom)) {
+  if (freedom == RigFreedom::kPrior || freedom == RigFreedom::kFree) {
     problem->AddResidualBlock(new ShapeCost(shape, static_cast<int>(blocks.size())), nullptr, blocks);
   } else {
     for (double* d : blocks) {
@@ -219,12 +223,12 @@ Eigen::MatrixXd OriginJacobian(const RefineRigInput& input, RigFreedom freedom, 
     const Eigen::Map<const Eigen::Vector3d> e(solution.deltas[photo].data() + 3);
     const double share = solution.rig.scale / static_cast<double>(n);
     if (HasScale(freedom)) j.col(6) += share * (input.rig.views[photo].rig_from_view.translation + e);
-    if (MovesPhotos(freedom)) j.block<3, 3>(0, unknowns - 6 * (n - v) + 3).diagonal().setConstant(share);
+    if (freedom != RigFreedom::kFixed) j.block<3, 3>(0, unknowns - 6 * (n - v) + 3).diagonal().setConstant(share);
   }
   return j;
 }
 
-// `covariance`: of the rig's pose, ln s and all photos' w, e, as far as they are free.
+// `covariance`: of the rig's pose, ln s where it is free, and all photos' w, e; of a fixed rig that of its pose alone.
 void SetCovariances(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& covariance,
                     Solution* solution) {
   RefinedRig& rig = solution->rig;
@@ -238,24 +242,54 @@ void SetCovariances(const RefineRigInput& input, RigFreedom freedom, const Eigen
   by_pose.bottomRows<3>() -= origin;
   rig.covariance = by_pose * covariance * by_pose.transpose();
   if (HasScale(freedom)) rig.scale_sigma = rig.scale * std::sqrt(std::max(0.0, covariance(6, 6)));
-  const bool known_shape = input.shape_covariance.rows() == 6 * n;
-  if (!MovesPhotos(freedom) && !(HasScale(freedom) && known_shape)) return;
+  if (freedom == RigFreedom::kFixed) return;
+  Eigen::MatrixXd by_views = Eigen::MatrixXd::Zero(6 * n, unknowns);
   for (Eigen::Index v = 0; v < n; ++v) {
-    View view = input.rig.views[static_cast<size_t>(v)];
+    const View& view = input.rig.views[static_cast<size_t>(v)];
     const Eigen::Map<const Eigen::Vector3d> e(solution->deltas[static_cast<size_t>(v)].data() + 3);
     Matrix6d by_photo = rig.scale * Matrix6d::Identity();
     by_photo.topLeftCorner<3, 3>() = -view.rig_from_view.rotation.toRotationMatrix();
-    Eigen::MatrixXd j = Eigen::MatrixXd::Zero(6, unknowns);
+    auto j = by_views.middleRows<6>(6 * v);
     j.bottomRows<3>() = -origin;
     if (HasScale(freedom)) j.block<3, 1>(3, 6) += rig.scale * (view.rig_from_view.translation + e);
-    if (MovesPhotos(freedom)) j.middleCols<6>(unknowns - 6 * (n - v)) += by_photo;
-    view.covariance = j * covariance * j.transpose();
-    // Photos that stay as stitched have its covariance, which is about the mean of the centres already.
-    if (!MovesPhotos(freedom)) {
-      view.covariance += by_photo * input.shape_covariance.block<6, 6>(6 * v, 6 * v) * by_photo.transpose();
-    }
-    rig.rig.views.push_back(view);
+    j.middleCols<6>(unknowns - 6 * (n - v)) += by_photo;
   }
+  rig.view_covariance = by_views * covariance * by_views.transpose();
+  rig.rig.views = input.rig.views;
+  for (Eigen::Index v = 0; v < n; ++v) {
+    rig.rig.views[static_cast<size_t>(v)].covariance = rig.view_covariance.block<6, 6>(6 * v, 6 * v);
+  }
+}
+
+// Of the rig's pose, ln s and all photos' w, e, where the photos were held as stitched: the pose and the size follow
+// their errors. `all_free`: the inverse of the information on all of them. The shape's prior, which it contains, is
+// part of the photos' own block alone, which is not used.
+Eigen::MatrixXd WithHeldPhotos(const Eigen::MatrixXd& all_free, const Eigen::MatrixXd& shape) {
+  const Eigen::Index n = shape.rows(), k = all_free.rows() - n;
+  const Eigen::MatrixXd information = all_free.llt().solve(Eigen::MatrixXd::Identity(k + n, k + n));
+  const Eigen::LLT<Eigen::MatrixXd> own(information.topLeftCorner(k, k));
+  const Eigen::MatrixXd by_shape = -own.solve(information.topRightCorner(k, n));
+  Eigen::MatrixXd out(k + n, k + n);
+  out << own.solve(Eigen::MatrixXd::Identity(k, k)) + by_shape * shape * by_shape.transpose(), by_shape * shape,
+      shape * by_shape.transpose(), shape;
+  return out;
+}
+
+// At the minimum. Empty if the points do not determine the pose.
+Eigen::MatrixXd CovarianceOf(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
+                             const std::vector<double*>& points, double* pose, ceres::Problem* problem,
+                             Solution* solution) {
+  std::vector<double*> photos, kept = {pose};
+  for (auto& d : solution->deltas) photos.push_back(d.data());
+  if (freedom == RigFreedom::kScaled) {
+    problem->AddResidualBlock(new ShapeCost(prior, static_cast<int>(photos.size())), nullptr, photos);
+    for (double* d : photos) problem->SetParameterBlockVariable(d);
+  }
+  if (HasScale(freedom)) kept.push_back(&solution->log_scale);
+  if (freedom != RigFreedom::kFixed) kept.insert(kept.end(), photos.begin(), photos.end());
+  const Eigen::MatrixXd covariance = Marginalise(problem, kept, points, {}).covariance;
+  const bool held = freedom == RigFreedom::kScaled && covariance.size() > 0;
+  return held ? WithHeldPhotos(covariance, ShapeCovariance(input, freedom)) : covariance;
 }
 
 Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
@@ -302,12 +336,7 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
   out.rig.rig_from_world = Rigid3FromBlock(pose.data());
   out.rig.scale = std::exp(out.log_scale);
   if (!with_covariance) return out;
-  std::vector<double*> blocks = {pose.data()};
-  if (HasScale(freedom)) blocks.push_back(&out.log_scale);
-  for (auto& d : out.deltas) {
-    if (MovesPhotos(freedom)) blocks.push_back(d.data());
-  }
-  SetCovariances(input, freedom, Marginalise(&problem, blocks, free_points, {}).covariance, &out);
+  SetCovariances(input, freedom, CovarianceOf(input, freedom, prior, free_points, pose.data(), &problem, &out), &out);
   return out;
 }
 
@@ -405,6 +434,17 @@ RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom) {
   for (View& view : out.rig.views) view.rig_from_view.translation -= mean;
   out.rig_from_world.translation -= mean;
   return out;
+}
+
+Eigen::MatrixXd StitchedViewCovariance(const RefineRigInput& input) {
+  const Eigen::MatrixXd shape = ShapeCovariance(input, RigFreedom::kPrior);
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(7 + shape.rows(), 7 + shape.cols());
+  covariance(6, 6) = input.log_scale_sigma * input.log_scale_sigma;
+  covariance.bottomRightCorner(shape.rows(), shape.cols()) = shape;
+  Solution as_stitched;
+  as_stitched.deltas.resize(input.rig.views.size());
+  SetCovariances(input, RigFreedom::kPrior, covariance, &as_stitched);
+  return as_stitched.rig.view_covariance;
 }
 
 RigFreedom ChooseFreedom(const RefineRigInput& input, std::vector<double>* errors) {

@@ -49,11 +49,18 @@ struct RefinedRig {
   double scale = 1;  // against the input
   double scale_sigma = 0;
   Matrix6d covariance = Matrix6d::Zero();  // of rig_from_world, with that origin
-  double rms_px = 0;                       // of the observations that count
+  // Of all rig_from_view of `rig` jointly (left tangents, 6 rows and columns a view): its shape and its size. Empty for
+  // a fixed rig, and where the points do not determine the pose.
+  Eigen::MatrixXd view_covariance;
+  double rms_px = 0;  // of the observations that count
   int used = 0;
 };
 
+// The covariances of a scaled rig contain what its stitched shape leaves open; those of a fixed one do not.
 RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom);
+
+// As RefinedRig::view_covariance of the rig as stitched, before any point is known. The input needs no points.
+Eigen::MatrixXd StitchedViewCovariance(const RefineRigInput& input);
 
 // The freedom that predicts best; a freer one must be better than a stricter one by more than chance (two standard
 // errors of the mean gain over photos). `errors`: the median reprojection errors (px) of points that took no part (five

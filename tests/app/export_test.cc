@@ -47,6 +47,49 @@ TEST_F(Exported, CamerasHaveTheLensesThatWereFound) {
   EXPECT_EQ(focal(), 105);
 }
 
+TEST_F(Exported, CamerasThatAreNotAsWrittenAreRefused) {
+  folder_.Write("results/reconstruct/run1/camchain.yaml", folder_.Read("runs/run1/camchain.yaml"));
+  folder_.Write("results/reconstruct/run1/manifest.json",
+                R"({"schema": 1, "files": {"camchain.yaml": "of what the stage wrote"}})");
+  EXPECT_THAT(MessageOf<InputError>([&] { Export("kalibr"); }),
+              testing::HasSubstr("run1/camchain.yaml: expected what the stage wrote, found another content"));
+}
+
+// The project's origin (here: its control points) may have moved since a result was computed.
+TEST_F(Exported, CoordinatesCountFromTheOriginOfTheResult) {
+  const Geodetic origin{48.1, 11.5, 500.25};  // of the solution, too
+  const std::string result = "results/localize/run1/";
+  folder_.Write(result + "manifest.json", R"({"schema": 1, "values": {"origin": [48.1, 11.5, 500.25]}})");
+  folder_.Write(result + "panoramas.csv", "panorama,status\n");
+  folder_.Write(result + "cameras.csv", "timestamp,image,camera,x,y,z\n1.0,a.jpg,cam0,10,20,30\n");
+  folder_.Write(result + "cameras.tum", "1.0 10 20 30 0 0 0 1\n");
+  folder_.Write(result + "cameras_odom.tum", "1.0 0 0 0 0 0 0 1\n");
+  WriteSolution(MakeSolution(), folder_ / (result + kSolutionFile));
+  const Project project = Project::Open(folder_.dir());
+  ExportRequest request;
+  request.to = "geojson";
+  request.what = {"cameras"};
+  request.runs = {"run1"};
+  std::vector<std::string> warnings;
+  const std::vector<Layer> layers = MapLayers(project, request, &warnings);
+  ASSERT_EQ(layers.size(), 1u);
+  const Eigen::Vector3d expected = EcefFromGeodetic(LocalFrame(origin).GeodeticFromEnu({10, 20, 30}));
+  EXPECT_LT((EcefFromGeodetic(layers[0].features.at(0).geometry.at(0)) - expected).norm(), 1e-6);
+  // Files in metres name it, since they cannot be used beside coordinates about the project's.
+  for (const char* to : {"tum", "ply"}) {
+    request.to = to;
+    request.what.clear();
+    request.out = folder_ / to;
+    EXPECT_THAT(
+        ExportResults(project, request, progress_, cancel_).warnings,
+        testing::ElementsAre(testing::HasSubstr("origin of its result, 48.100000000, 11.500000000, 500.2500 m")));
+  }
+  EXPECT_THAT(folder_.Read("ply/points.ply"), testing::HasSubstr("origin latitude 48.100000000 deg"));
+  request.to = "tum";
+  request.frame = "odom";
+  EXPECT_THAT(ExportResults(project, request, progress_, cancel_).warnings, testing::IsEmpty());
+}
+
 // A stitched set comes first in the solution, and after the panoramas in the table.
 TEST_F(Exported, PanoramasAreNumberedByTheirRows) {
   Solution s = MakeSolution();

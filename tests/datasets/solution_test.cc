@@ -301,22 +301,6 @@ TEST(SolutionModel, KnowsTheFeatureBehindEveryPixel) {
   }
 }
 
-// A run without a calibration has a guessed lens in its files; what looks at its images again needs the one found.
-TEST(SolutionModel, GivesCamerasTheLensesThatWereUsed) {
-  const Solution s = MakeSolution();
-  std::vector<BodyCamera> read(s.cameras.rbegin(), s.cameras.rend());  // in another order
-  for (BodyCamera& camera : read) camera.camera = Camera::FromFieldOfView(640, 480, 1.2);
-  read.front().cam_from_body.translation.x() += 1;
-  TakeLenses(s, &read);
-  EXPECT_EQ(read.front().name, "cam1");
-  for (const BodyCamera& camera : read) EXPECT_EQ(camera.camera.params(), s.cameras.front().camera.params());
-  EXPECT_NE(read.front().cam_from_body.translation, s.cameras.back().cam_from_body.translation) << "the lens alone";
-  read.back().name = "another";
-  read.back().camera = Camera::FromFieldOfView(640, 480, 1.2);
-  TakeLenses(s, &read);
-  EXPECT_NE(read.back().camera.params(), s.cameras.front().camera.params());
-}
-
 TEST(SolutionCovariance, OfAFileIsThatOfTheBundle) {
   const TempDir dir;
   Solution s = MakeSolution();

@@ -164,7 +164,10 @@ TEST_F(Reconstructed, AWeakAnswerThatItsGeotagContradictsIsRefused) {
   const size_t at = table.find("7.83238765");  // S110; 0.001 deg are 74 m
   ASSERT_NE(at, std::string::npos);
   folder_.Write("panoramas.csv", table.substr(0, at) + "7.83338765" + table.substr(at + 10));
-  Configure("variants:\n  weak: {localize: {registration: {min_contradicted_inliers: 10000}}}\n");
+  Configure(
+      "variants:\n"
+      "  weak: {localize: {registration: {min_contradicted_inliers: 10000}}}\n"
+      "  published: {localize: {mode: paper, registration: {min_contradicted_inliers: 10000}}}\n");
   Stages({"localize"});
   Stages({"localize", "--variant", "weak"});
   const auto read = [&](const std::string& result) {
@@ -186,6 +189,16 @@ TEST_F(Reconstructed, AWeakAnswerThatItsGeotagContradictsIsRefused) {
     EXPECT_THAT(is.Text("reason"), HasSubstr("m from its geotag, 10000 needed where the two disagree"));
   }
   EXPECT_EQ(contradicted, 1);
+  // The published method rejects none by its geotag.
+  Stages({"localize", "--variant", "published"});
+  int outliers = 0;
+  const CsvTable published = read("run1@published");
+  for (const CsvRow& row : published.rows()) {
+    if (row.Text("geotag_status") != "outlier") continue;
+    ++outliers;
+    EXPECT_EQ(row.Text("status"), "localized") << row.Text("panorama") << ": " << row.Text("reason");
+  }
+  EXPECT_GT(outliers, 0);
 }
 
 // A focal length 2 % too long: what the images and odometry ask for is used, said, and kept for the stages that follow.
