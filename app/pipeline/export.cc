@@ -10,7 +10,6 @@
 
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/image_motion.h"
-#include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/export/crs.h"
@@ -99,13 +98,22 @@ void RequireAsWritten(const Project& project, const std::string& stage, const St
   }
 }
 
+// The reconstruction that the run's results rest on.
+StageTarget ReconstructionOf(const Project& project, const ExportRequest& request, const std::string& run) {
+  return TargetRead(project, StageNamed("reconstruct"), "localize", {run, request.variant, nlohmann::json::object()});
+}
+
 // Of everything that an export reads.
 void RequireResultsAsWritten(const Project& project, const ExportRequest& request) {
   const nlohmann::json none = nlohmann::json::object();
   if (IsMap(request.to) || IsLayout(request.to)) RequireAsWritten(project, "survey", {"", request.variant, none});
   if (IsMap(request.to)) RequireAsWritten(project, "evaluate", {"", request.variant, none});
-  if (IsLayout(request.to) || request.to == "kalibr") return;
+  if (IsLayout(request.to)) return;
   for (const std::string& run : request.runs.empty() ? project.RunNames() : request.runs) {
+    if (request.to == "kalibr") {
+      RequireAsWritten(project, "reconstruct", ReconstructionOf(project, request, run));
+      continue;
+    }
     RequireAsWritten(project, "localize", {run, request.variant, none});
     if (IsScene(request.to)) RequireAsWritten(project, "features", {run, "", none});
   }
@@ -151,10 +159,12 @@ std::vector<Path> PathsOf(const Project& project, const ExportRequest& request, 
 
 void ExportTrajectories(const Project& project, const ExportRequest& request, const std::string& run,
                         const fs::path& out, ExportReport* report) {
+  bool world = false;
   for (const Path& path : PathsOf(project, request, run)) {
     const std::string kind = path.name.substr(0, path.name.find('_'));
     if (!request.what.empty() && std::find(request.what.begin(), request.what.end(), kind) == request.what.end())
       continue;
+    world |= path.frame == "world";
     if (request.to == "tum") {
       const std::string times =
           kind == "panoramas" ? "timestamp: row of panoramas.csv, from 0" : "timestamp: s, run's clock";
@@ -177,6 +187,9 @@ void ExportTrajectories(const Project& project, const ExportRequest& request, co
     report->lines.push_back(
         fmt::format("{}/{}: {}, frame {}", run, path.name, Counted(path.poses.size(), "pose"), path.frame));
   }
+  if (!world) return;
+  const LocalFrame enu = FrameOfResult(project, "localize", {run, request.variant, nlohmann::json::object()});
+  WarnOfOtherOrigin(project, enu, "run " + run, &report->warnings);
 }
 
 // The localized panoramas of a run, each with its pose in its headers.
@@ -186,7 +199,9 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
   for (const Reference& reference : project.site().references) {
     if (reference.kind == ReferenceKind::kPanorama) pictures[reference.name] = reference.files.front();
   }
-  const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
+  const StageTarget target{run, request.variant, nlohmann::json::object()};
+  const fs::path dir = ResultOf(project, "localize", target);
+  const LocalFrame enu = FrameOfResult(project, "localize", target);
   const std::map<std::string, PictureCredit> credits = ReadCredits(project.dir());
   int written = 0, withheld = 0;
   for (const PanoramaResult& answer : ReadLocalizeResult(dir).panoramas) {
@@ -199,7 +214,7 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
       continue;
     }
     PanoramaPose pose;
-    pose.position = project.frame().GeodeticFromEnu(answer.world_from_pano->translation);
+    pose.position = enu.GeodeticFromEnu(answer.world_from_pano->translation);
     pose.attitude = AttitudeOf(answer.world_from_pano->rotation);
     if (answer.sigma_m) pose.sigma_h_m = answer.sigma_m->head<2>().norm();
     if (credit != credits.end()) pose.copyright = credit->second.attribution;
@@ -227,7 +242,8 @@ void ExportMap(const Project& project, const ExportRequest& request, ExportRepor
   const Crs crs = Crs::Named(request.crs.empty() && any_system ? project.crs() : request.crs, project.frame().origin());
   const HeightSystem heights = HeightSystem::Named(request.heights);
   LayerFrame frame{crs, heights, ""};
-  const Geodetic& o = project.frame().origin();
+  const LocalFrame enu = FrameOfResult(project, "survey", {"", request.variant, nlohmann::json::object()});
+  const Geodetic& o = enu.origin();  // of the columns x_m, y_m, z_m of tags
   frame.about =
       fmt::format("{}{}: written by trigpoint on {}; ENU origin {:.9f}, {:.9f}, {:.4f} m (WGS 84, ellipsoidal)",
                   project.name(), request.variant.empty() ? "" : " (variant " + request.variant + ")", UtcTimeText(),
@@ -254,6 +270,27 @@ void ExportMap(const Project& project, const ExportRequest& request, ExportRepor
 }
 
 }  // namespace
+
+LocalFrame FrameOfResult(const Project& project, const std::string& stage, const StageTarget& target) {
+  const std::optional<nlohmann::json> manifest = ReadManifest(project, stage, ResultName(StageNamed(stage), target));
+  if (!manifest) return project.frame();
+  const nlohmann::json origin = manifest->value("values", nlohmann::json::object()).value("origin", nlohmann::json());
+  if (!origin.is_array() || origin.size() != 3) return project.frame();
+  return LocalFrame({origin[0].get<double>(), origin[1].get<double>(), origin[2].get<double>()});
+}
+
+void WarnOfOtherOrigin(const Project& project, const LocalFrame& frame, const std::string& what,
+                       std::vector<std::string>* warnings) {
+  constexpr double kRounded_m = 1e-3;  // as files of projects state an origin
+  const Geodetic &o = frame.origin(), &now = project.frame().origin();
+  const double apart_m = (EcefFromGeodetic(o) - EcefFromGeodetic(now)).norm();
+  if (apart_m <= kRounded_m) return;
+  warnings->push_back(fmt::format(
+      "{}: east, north, up count from the origin of its result, {:.9f}, {:.9f}, {:.4f} m, which is {:.3f} m "
+      "from the project's as it is now; do not use them beside coordinates about the latter: run "
+      "`trigpoint run` first",
+      what, o.latitude_deg, o.longitude_deg, o.height_m, apart_m));
+}
 
 const std::vector<ExportFormat>& ExportFormats() {
   static const std::vector<ExportFormat> kFormats = {
@@ -316,8 +353,7 @@ void ExportLayout(const Project& project, const ExportRequest& request, ExportRe
 void ExportCameras(const Project& project, const ExportRequest& request, const std::string& name, const fs::path& out,
                    ExportReport* report) {
   Run run = project.run(name);
-  const StageTarget target{name, request.variant, nlohmann::json::object()};
-  FollowFoundLenses(ReconstructionManifest(project, "localize", target).parent_path(), &run);
+  TakeLenses(FoundLenses(ResultOf(project, "reconstruct", ReconstructionOf(project, request, name))), &run.cameras);
   report->files.push_back(out / "camchain.yaml");
   std::error_code ignored;
   fs::create_directories(out, ignored);

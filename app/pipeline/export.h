@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "app/pipeline/stages.h"
 #include "calib/base/progress.h"
+#include "calib/geo/geodetic.h"
 #include "datasets/colmap/model.h"
 #include "datasets/export/layers.h"
 #include "datasets/export/scene_files.h"
@@ -51,6 +53,13 @@ ExportReport ExportResults(const Project& project, const ExportRequest& request,
                            const CancelToken& cancel);
 
 // --- The parts, for crosscheck and tests.
+
+// The site ENU that a result's coordinates are in: about the origin that its manifest states, from which the project's
+// may have moved since; about the project's where it states none.
+LocalFrame FrameOfResult(const Project& project, const std::string& stage, const StageTarget& target);
+// Warns, in the name of `what`, of coordinates in a frame about another origin than the project's.
+void WarnOfOtherOrigin(const Project& project, const LocalFrame& frame, const std::string& what,
+                       std::vector<std::string>* warnings);
 
 // The layers of maps, in site ENU brought to the Earth. Missing results are named in `warnings`.
 std::vector<Layer> MapLayers(const Project& project, const ExportRequest& request, std::vector<std::string>* warnings);

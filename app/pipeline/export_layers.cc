@@ -19,14 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// An ellipse to be drawn: 2 x 2 covariance of east and north at a place.
-struct Spread {
-  std::string layer, run, name;
-  Eigen::Vector3d at;
-  Eigen::Matrix2d covariance;
-  bool correlation_known;
-};
-
 LayerField Real(const char* name, int decimals = 4) { return {name, FieldType::kReal, decimals}; }
 LayerField Text(const char* name) { return {name, FieldType::kText, 0}; }
 LayerField Whole(const char* name) { return {name, FieldType::kInteger, 0}; }
@@ -46,7 +38,6 @@ struct Sources {
   const Project& project;
   const ExportRequest& request;
   std::map<std::string, PictureCredit> credits;
-  std::vector<Spread> spreads;
   Layer tags, stations, panoramas, cameras, trajectories, ellipses, residuals;
   Layer control = SurveyedLayer("control", "control points of the survey (1 sigma)", "#0072b2");
   Layer check = SurveyedLayer("check", "check points of the survey (1 sigma)", "#a8420a");
@@ -128,36 +119,62 @@ void PutCredit(const std::map<std::string, PictureCredit>& credits, const std::s
   }
 }
 
-Geodetic OnEarth(const Sources& s, const Eigen::Vector3d& enu) { return s.project.frame().GeodeticFromEnu(enu); }
-
-void AddResidual(Sources* s, const std::string& run, const std::string& name, const std::string& kind,
-                 const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+// `enu`: the frame of the result that `from` and `to` are taken from.
+void AddResidual(Sources* s, const LocalFrame& enu, const std::string& run, const std::string& name,
+                 const std::string& kind, const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   const Eigen::Vector3d d = to - from;
-  s->residuals.features.push_back(
-      {name, {OnEarth(*s, from), OnEarth(*s, to)}, {run, kind, d.x(), d.y(), d.z(), d.head<2>().norm(), d.norm()}, {}});
+  s->residuals.features.push_back({name,
+                                   {enu.GeodeticFromEnu(from), enu.GeodeticFromEnu(to)},
+                                   {run, kind, d.x(), d.y(), d.z(), d.head<2>().norm(), d.norm()},
+                                   {}});
 }
 
-// `covariance` of the position, else what its sigmas say of the axes alone.
-void AddSpread(Sources* s, const std::string& layer, const std::string& run, const std::string& name,
-               const Rigid3d& pose, const std::optional<Eigen::Matrix3d>& covariance,
-               const std::optional<Eigen::Vector3d>& sigma) {
-  if (covariance) {
-    s->spreads.push_back({layer, run, name, pose.translation, covariance->topLeftCorner<2, 2>(), true});
-  } else if (sigma) {
-    s->spreads.push_back({layer, run, name, pose.translation, sigma->head<2>().cwiseAbs2().asDiagonal(), false});
+// The ellipse of a place; `covariance` of its position, else what its sigmas say of the axes alone.
+void AddEllipse(Sources* s, const LocalFrame& enu, const std::string& layer, const std::string& run,
+                const std::string& name, const Rigid3d& pose, const std::optional<Eigen::Matrix3d>& covariance,
+                const std::optional<Eigen::Vector3d>& sigma) {
+  if (!covariance && !sigma) return;
+  const Eigen::Matrix2d of_plan = covariance ? Eigen::Matrix2d(covariance->topLeftCorner<2, 2>())
+                                             : Eigen::Matrix2d(sigma->head<2>().cwiseAbs2().asDiagonal());
+  const double chi2 = -2 * std::log(1 - s->request.confidence);  // two degrees of freedom
+  constexpr int kVertices = 48;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(of_plan);
+  const Eigen::Vector2d half = (chi2 * solver.eigenvalues().cwiseMax(0)).cwiseSqrt();  // minor, major
+  const Eigen::Vector2d major = solver.eigenvectors().col(1);
+  double azimuth = std::atan2(major.x(), major.y()) * kRadToDeg;
+  if (azimuth < 0) azimuth += 180;
+  LayerFeature feature;
+  feature.name = name;
+  for (int i = 0; i < kVertices; ++i) {
+    const double angle = 2 * 3.14159265358979323846 * i / kVertices;
+    const Eigen::Vector2d d = s->request.ellipse_scale * solver.eigenvectors() *
+                              Eigen::Vector2d(half.x() * std::cos(angle), half.y() * std::sin(angle));
+    feature.geometry.push_back(enu.GeodeticFromEnu(pose.translation + Eigen::Vector3d(d.x(), d.y(), 0)));
   }
+  feature.values = {layer,
+                    run,
+                    s->request.confidence,
+                    half.y(),
+                    half.x(),
+                    azimuth,
+                    std::string(covariance ? "full" : "axes only"),
+                    s->request.ellipse_scale};
+  s->ellipses.features.push_back(std::move(feature));
 }
 
 void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
   const auto columns = [](const CsvRow& row) {
     return Eigen::Vector3d(row.Number("x"), row.Number("y"), row.Number("z"));
   };
+  const LocalFrame enu = FrameOfResult(s->project, "localize", {run, s->request.variant, nlohmann::json::object()});
   const LocalizeResult result = ReadLocalizeResult(dir);
   for (const PanoramaResult& p : result.panoramas) {
-    if (p.world_from_pano) AddSpread(s, "panoramas", run, p.panorama, *p.world_from_pano, p.covariance_m2, p.sigma_m);
+    if (!p.world_from_pano) continue;
+    AddEllipse(s, enu, "panoramas", run, p.panorama, *p.world_from_pano, p.covariance_m2, p.sigma_m);
   }
   for (const CameraResult& c : result.images) {
-    if (c.world_from_cam) AddSpread(s, "cameras", run, c.image, *c.world_from_cam, c.covariance_m2, c.sigma_m);
+    if (!c.world_from_cam) continue;
+    AddEllipse(s, enu, "cameras", run, c.image, *c.world_from_cam, c.covariance_m2, c.sigma_m);
   }
   const CsvTable panoramas = CsvTable::Read(dir / "panoramas.csv", {"panorama", "status"});
   for (const CsvRow& row : panoramas.rows()) {
@@ -168,10 +185,10 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
     PutCredit(s->credits, feature.name, &feature.values);
     if (row.Has("x") && row.Has("latitude_deg")) {
       const Eigen::Vector3d at = columns(row);
-      feature.geometry = {OnEarth(*s, at)};
+      feature.geometry = {enu.GeodeticFromEnu(at)};
       if (row.Has("geotag_de_m") && row.Has("geotag_dn_m")) {
         AddResidual(
-            s, run, feature.name, "geotag minus estimate (" + row.Text("geotag_status") + ")", at,
+            s, enu, run, feature.name, "geotag minus estimate (" + row.Text("geotag_status") + ")", at,
             at + Eigen::Vector3d(row.Number("geotag_de_m"), row.Number("geotag_dn_m"), row.Number("geotag_du_m", 0)));
       }
     }
@@ -186,7 +203,7 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
     feature.values = {run};
     AppendCells(row, s->cameras.fields, 1, &feature.values);
     const Eigen::Vector3d at = columns(row);
-    feature.geometry = {OnEarth(*s, at)};
+    feature.geometry = {enu.GeodeticFromEnu(at)};
     LayerFeature& track = tracks[row.Text("camera")];
     track.geometry.push_back(feature.geometry.front());
     if (config.time_zero_utc_ns) {
@@ -208,7 +225,7 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
 }
 
 // Control or check points of the survey where they were surveyed, with how the map differs.
-void AddSurveyed(Sources* s, const fs::path& dir, Layer* layer) {
+void AddSurveyed(Sources* s, const LocalFrame& enu, const fs::path& dir, Layer* layer) {
   const fs::path file = dir / (layer->name + ".csv");
   if (!fs::exists(file)) return;
   const CsvTable table = CsvTable::Read(file, {"point", "status", "x", "y", "z", "stated_x", "stated_y", "stated_z"});
@@ -216,17 +233,19 @@ void AddSurveyed(Sources* s, const fs::path& dir, Layer* layer) {
     const Eigen::Vector3d stated(row.Number("stated_x"), row.Number("stated_y"), row.Number("stated_z"));
     LayerFeature feature;
     feature.name = row.Text("point");
-    feature.geometry = {OnEarth(*s, stated)};
+    feature.geometry = {enu.GeodeticFromEnu(stated)};
     AppendCells(row, layer->fields, 0, &feature.values);
     layer->features.push_back(std::move(feature));
-    AddResidual(s, "", row.Text("point"),
+    AddResidual(s, enu, "", row.Text("point"),
                 row.Text("status") == "used" ? "map minus control point: a residual, not an accuracy"
                                              : "map minus " + layer->name + " point (" + row.Text("status") + ")",
                 stated, {row.Number("x"), row.Number("y"), row.Number("z")});
   }
 }
 
-void AddTags(Sources* s, const fs::path& dir) {
+void AddTags(Sources* s, const fs::path& dir, std::vector<std::string>* warnings) {
+  const LocalFrame enu = FrameOfResult(s->project, "survey", {"", s->request.variant, nlohmann::json::object()});
+  WarnOfOtherOrigin(s->project, enu, "tag map (x_m, y_m, z_m of tags; positions on the Earth are right)", warnings);
   std::map<int, Rigid3d> world_from_tag;
   for (const TagResult& tag : ReadTagResults(dir / "tags.csv", dir / "tags_cov.csv")) {
     LayerFeature feature;
@@ -242,13 +261,13 @@ void AddTags(Sources* s, const fs::path& dir) {
     for (int i = 0; i < 3; ++i) feature.values.push_back(known(tag.sigma_rot_rad, i, kRadToDeg));
     feature.values.insert(feature.values.end(), {int64_t{tag.images}, int64_t{tag.runs}, tag.rms_px});
     if (at) {
-      feature.geometry = {OnEarth(*s, *at)};
+      feature.geometry = {enu.GeodeticFromEnu(*at)};
       const Geodetic& g = feature.geometry.front();
       feature.values.insert(feature.values.end(), {g.latitude_deg, g.longitude_deg, g.height_m});
       world_from_tag[tag.tag_id] = *tag.map_from_tag;
       std::optional<Eigen::Matrix3d> covariance;
       if (tag.covariance) covariance = tag.covariance->bottomRightCorner<3, 3>();
-      AddSpread(s, "tags", "", feature.name, *tag.map_from_tag, covariance, tag.sigma_m);
+      AddEllipse(s, enu, "tags", "", feature.name, *tag.map_from_tag, covariance, tag.sigma_m);
     } else {
       feature.values.resize(s->tags.fields.size());
     }
@@ -264,15 +283,16 @@ void AddTags(Sources* s, const fs::path& dir) {
     if (tag != world_from_tag.end()) {
       centre = StationCentre(station, tag->second, Eigen::Matrix3d::Identity(), Eigen::Vector3d::UnitZ(), &reason);
     }
-    if (centre) feature.geometry = {OnEarth(*s, *centre)};
+    if (centre) feature.geometry = {enu.GeodeticFromEnu(*centre)};
     feature.values.push_back(centre ? LayerValue() : LayerValue(reason));
     s->stations.features.push_back(std::move(feature));
   }
-  AddSurveyed(s, dir, &s->control);
-  AddSurveyed(s, dir, &s->check);
+  AddSurveyed(s, enu, dir, &s->control);
+  AddSurveyed(s, enu, dir, &s->check);
 }
 
 void AddErrors(Sources* s, const fs::path& errors_csv) {
+  const LocalFrame enu = FrameOfResult(s->project, "evaluate", {"", s->request.variant, nlohmann::json::object()});
   std::map<std::pair<std::string, std::string>, Geodetic> places;
   for (const LayerFeature& f : s->panoramas.features) {
     if (!f.geometry.empty()) places[{std::get<std::string>(f.values[0]), f.name}] = f.geometry.front();
@@ -284,38 +304,9 @@ void AddErrors(Sources* s, const fs::path& errors_csv) {
     if (row.Text("kind") != "absolute" || row.Text("method") == "g1" || !row.Has("de_m") || place == places.end())
       continue;
     if (row.Has("variant") && row.Text("variant") != s->request.variant) continue;
-    const Eigen::Vector3d at = s->project.frame().EnuFromGeodetic(place->second);
-    AddResidual(s, row.Text("run"), row.Text("panorama"), "estimate minus tag of " + row.Text("reference"),
+    const Eigen::Vector3d at = enu.EnuFromGeodetic(place->second);
+    AddResidual(s, enu, row.Text("run"), row.Text("panorama"), "estimate minus tag of " + row.Text("reference"),
                 at - Eigen::Vector3d(row.Number("de_m"), row.Number("dn_m"), row.Number("du_m")), at);
-  }
-}
-
-void AddEllipses(Sources* s) {
-  const double chi2 = -2 * std::log(1 - s->request.confidence);  // two degrees of freedom
-  constexpr int kVertices = 48;
-  for (const Spread& spread : s->spreads) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(spread.covariance);
-    const Eigen::Vector2d half = (chi2 * solver.eigenvalues().cwiseMax(0)).cwiseSqrt();  // minor, major
-    const Eigen::Vector2d major = solver.eigenvectors().col(1);
-    double azimuth = std::atan2(major.x(), major.y()) * kRadToDeg;
-    if (azimuth < 0) azimuth += 180;
-    LayerFeature feature;
-    feature.name = spread.name;
-    for (int i = 0; i < kVertices; ++i) {
-      const double angle = 2 * 3.14159265358979323846 * i / kVertices;
-      const Eigen::Vector2d d = s->request.ellipse_scale * solver.eigenvectors() *
-                                Eigen::Vector2d(half.x() * std::cos(angle), half.y() * std::sin(angle));
-      feature.geometry.push_back(OnEarth(*s, spread.at + Eigen::Vector3d(d.x(), d.y(), 0)));
-    }
-    feature.values = {spread.layer,
-                      spread.run,
-                      s->request.confidence,
-                      half.y(),
-                      half.x(),
-                      azimuth,
-                      std::string(spread.correlation_known ? "full" : "axes only"),
-                      s->request.ellipse_scale};
-    s->ellipses.features.push_back(std::move(feature));
   }
 }
 
@@ -375,7 +366,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
   const fs::path survey = project.ResultDir("survey", request.variant.empty() ? "" : "@" + request.variant);
   if (fs::exists(survey / "tags.csv")) {
     if (const std::string frame = TagMapFrame(survey / "tags.csv"); frame.empty() || frame == "enu") {
-      AddTags(&s, survey);
+      AddTags(&s, survey, warnings);
     } else {
       warnings->push_back(
           "no tags and stations: the tag map is in a frame of its own, not georeferenced (give the "
@@ -387,7 +378,6 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
   const fs::path errors =
       project.ResultDir("evaluate", request.variant.empty() ? "" : "@" + request.variant) / "errors.csv";
   if (fs::exists(errors)) AddErrors(&s, errors);
-  AddEllipses(&s);
   std::vector<Layer> layers;
   for (Layer* layer : s.All()) {
     const bool wanted =

@@ -22,17 +22,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<std::string> FrameComments(const Project& project, const RunScene& scene) {
+std::vector<std::string> FrameComments(const RunScene& scene) {
   std::string frame = "frame: odom, the run's own optimised frame, m";
   if (scene.world_from_odom) {
-    const Geodetic& o = project.frame().origin();
+    const Geodetic& o = scene.solution.georeference->origin;
     frame = fmt::format("frame: ENU, m, origin latitude {:.9f} deg, longitude {:.9f} deg, ellipsoidal height {:.4f} m",
                         o.latitude_deg, o.longitude_deg, o.height_m);
   }
   return {"trigpoint export of run " + scene.run, frame};
 }
 
-void ExportPly(const Project& project, const RunScene& scene, const fs::path& file) {
+void ExportPly(const RunScene& scene, const fs::path& file) {
   using Type = PlyColumn::Type;
   std::vector<PlyColumn> columns = {{"x", Type::kDouble, {}},  {"y", Type::kDouble, {}},    {"z", Type::kDouble, {}},
                                     {"red", Type::kUchar, {}}, {"green", Type::kUchar, {}}, {"blue", Type::kUchar, {}}};
@@ -52,7 +52,7 @@ void ExportPly(const Project& project, const RunScene& scene, const fs::path& fi
       columns[i++].values.push_back(v);
     }
   }
-  std::vector<std::string> comments = FrameComments(project, scene);
+  std::vector<std::string> comments = FrameComments(scene);
   comments.push_back(fmt::format(
       "cov_*: m^2, sigma_max: m (1 sigma, largest axis): of triangulation with {:.3f} px, given the cameras",
       scene.solution.sigma_px));
@@ -268,11 +268,15 @@ void WriteSceneDatabase(const RunScene& scene, const fs::path& file, const Cance
 void ExportScene(const Project& project, const ExportRequest& request, const std::string& run, const fs::path& out,
                  ExportReport* report, const CancelToken& cancel) {
   const RunScene scene = ReadRunScene(project, run, request.variant, request.frame);
-  const std::vector<std::string> comments = FrameComments(project, scene);
+  const std::vector<std::string> comments = FrameComments(scene);
+  if (scene.world_from_odom) {
+    const LocalFrame enu(scene.solution.georeference->origin);
+    WarnOfOtherOrigin(project, enu, "run " + run, &report->warnings);
+  }
   if (request.to == "colmap") {
     ExportColmap(scene, out, report, cancel);
   } else if (request.to == "ply") {
-    ExportPly(project, scene, out / "points.ply");
+    ExportPly(scene, out / "points.ply");
     report->files.push_back(out / "points.ply");
   } else {
     WriteG2oPoseGraph(out / "pose_graph.g2o", MakePoseGraph(scene), comments);
