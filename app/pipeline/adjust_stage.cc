@@ -170,6 +170,8 @@ void AdjustProject(const SiteStageOptions& options, const StageTarget& target, S
   for (const std::string& warning : site.warnings) context.progress.Log(LogLevel::kWarning, warning);
   std::set<std::string> rests_on;
   for (size_t i = 0; i < names.size(); ++i) {
+    const auto is_it = [&](const RunInSite& run) { return run.name == names[i]; };
+    if (std::none_of(site.runs.begin(), site.runs.end(), is_it)) continue;  // left out
     const std::vector<std::string> of_run = sources[i].EvidenceOf(site.fit);
     rests_on.insert(of_run.begin(), of_run.end());
     rests_on.insert("tags:" + names[i]);  // what is made of these images shares their errors
@@ -201,7 +203,7 @@ StageInfo SiteStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SiteStageOptions>(project, "site", target);
     StageRequest request;
-    request.version = 2;
+    request.version = 3;
     request.options = JsonFromOptions(options);
     for (const std::string& run : RunsOf(project, options)) {
       const StageTarget localized = Localized(run, target);

@@ -22,27 +22,6 @@ constexpr double kCornerChi2 = 9.21;   // 99 %, 2 degrees of freedom
 constexpr double kMovedChi2 = 35;      // of 6: the survey's own limit for a tag that stands elsewhere
 constexpr double kControlChi2 = 11.3;  // 99 %, 3 degrees of freedom
 
-std::vector<Anchor> AnchorsOf(const LocalizeInput& input, const WorldEvidence& evidence, const BundleProblem& p) {
-  std::vector<Anchor> anchors;
-  for (const WorldTag& tag : evidence.tags) {
-    const int pose = input.images[static_cast<size_t>(tag.sightings.front().image)].pose;
-    const Rigid3d odom_from_tag = p.poses[static_cast<size_t>(pose)].Inverse() * tag.body_from_tag;
-    Anchor anchor;
-    const auto add = [&](const Eigen::Vector3d& in_tag, const Eigen::Vector3d& world) {
-      anchor.odom.push_back(odom_from_tag * in_tag);
-      anchor.world.push_back(world);
-    };
-    for (const Eigen::Vector3d& corner : tag.corners) {
-      if (tag.world_from_tag) add(corner, *tag.world_from_tag * corner);
-    }
-    for (const TagControl& control : tag.control) {
-      if (!tag.world_from_tag) add(control.in_tag, control.position);
-    }
-    if (!anchor.odom.empty()) anchors.push_back(std::move(anchor));
-  }
-  return anchors;
-}
-
 std::optional<Rigid3d> Align(const std::vector<const Anchor*>& anchors) {
   std::vector<Eigen::Vector3d> odom, world;
   for (const Anchor* anchor : anchors) {
@@ -429,6 +408,27 @@ std::string SourceOf(const WorldFit& fit) {
   return text;
 }
 
+std::vector<Anchor> AnchorsOf(const LocalizeInput& input, const std::vector<WorldTag>& tags, const BundleProblem& p) {
+  std::vector<Anchor> anchors;
+  for (const WorldTag& tag : tags) {
+    const int pose = input.images[static_cast<size_t>(tag.sightings.front().image)].pose;
+    const Rigid3d odom_from_tag = p.poses[static_cast<size_t>(pose)].Inverse() * tag.body_from_tag;
+    Anchor anchor;
+    const auto add = [&](const Eigen::Vector3d& in_tag, const Eigen::Vector3d& world) {
+      anchor.odom.push_back(odom_from_tag * in_tag);
+      anchor.world.push_back(world);
+    };
+    for (const Eigen::Vector3d& corner : tag.corners) {
+      if (tag.world_from_tag) add(corner, *tag.world_from_tag * corner);
+    }
+    for (const TagControl& control : tag.control) {
+      if (!tag.world_from_tag) add(control.in_tag, control.position);
+    }
+    if (!anchor.odom.empty()) anchors.push_back(std::move(anchor));
+  }
+  return anchors;
+}
+
 double AnchorDistance(const Anchor& anchor, const Rigid3d& world_from_odom) {
   double sum = 0;
   for (size_t k = 0; k < anchor.odom.size(); ++k) sum += (world_from_odom * anchor.odom[k] - anchor.world[k]).norm();
@@ -481,7 +481,7 @@ WorldFit FitWorld(const LocalizeInput& input, const GeoStart& start, const std::
                   const WorldEvidence& evidence, const GeoRegistrationOptions& options, const BundleOptions& bundle,
                   BundleProblem* problem, BundleSummary* summary, ProgressSink& progress, const CancelToken& cancel) {
   WorldFit fit;
-  const std::vector<Anchor> anchors = AnchorsOf(input, evidence, *problem);
+  const std::vector<Anchor> anchors = AnchorsOf(input, evidence.tags, *problem);
   std::optional<Rigid3d> known;
   if (start.registration.solved) {
     const Sim3d& s = start.registration.world_from_odom;

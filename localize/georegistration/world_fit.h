@@ -71,6 +71,9 @@ struct GeoStart {
 struct Anchor {
   std::vector<Eigen::Vector3d> odom, world;
 };
+// Those of the tags that the map or control points place; odom: of `problem`.
+std::vector<Anchor> AnchorsOf(const LocalizeInput& input, const std::vector<WorldTag>& tags,
+                              const BundleProblem& problem);
 // How far off an anchor is, m.
 double AnchorDistance(const Anchor& anchor, const Rigid3d& world_from_odom);
 constexpr double kAnchorNear_m = 1;  // an anchor this near agrees; odometry drifts until anchors hold it

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "calib/base/error.h"
+#include "calib/base/union_find.h"
 
 namespace trigpoint {
 namespace {
@@ -17,8 +18,10 @@ void LeaveOutUnplaced(std::vector<SiteRun>* runs, std::vector<PlacedRun>* placed
   size_t kept = 0;
   for (size_t i = 0; i < runs->size(); ++i) {
     if (!(*placed)[i].world_from_odom) {
-      warnings->push_back("run " + (*runs)[i].name +
-                          " is left out: it is not georeferenced and shares no panorama or tag with a run that is");
+      warnings->push_back(
+          "run " + (*runs)[i].name +
+          " is left out: it is not georeferenced, shares no panorama or tag with a run that is, and shows too few "
+          "tags that the adjustment uses (--use tags, --use control)");
       continue;
     }
     if (kept != i) (*runs)[kept] = std::move((*runs)[i]), (*placed)[kept] = std::move((*placed)[i]);
@@ -31,6 +34,29 @@ void LeaveOutUnplaced(std::vector<SiteRun>* runs, std::vector<PlacedRun>* placed
         "no run is georeferenced, so that there is no datum: give geotags, GPS or control points, and run `trigpoint "
         "localize` again");
   }
+}
+
+// Removes runs that nothing holds in the world; false if all are held, or none is.
+bool LeaveOutLoose(const std::vector<int>& loose, std::vector<SiteRun>* runs, std::vector<std::string>* warnings) {
+  if (loose.empty() || loose.size() == runs->size()) return false;
+  for (auto r = loose.rbegin(); r != loose.rend(); ++r) {
+    const auto run = runs->begin() + *r;
+    warnings->push_back("run " + run->name +
+                        " is left out: nothing that the adjustment uses holds it in the world, neither geotags, GPS, "
+                        "surveyed tags nor a panorama, tag or image in common with a run that is held; what "
+                        "georeferenced it may be used by --use tags, --use control or --use gps");
+    runs->erase(run);
+  }
+  return true;
+}
+
+// The adjustment with these warnings first, each once.
+SiteAdjustment WithWarnings(std::vector<std::string> warnings, SiteAdjustment site) {
+  for (std::string& warning : site.warnings) {
+    if (std::find(warnings.begin(), warnings.end(), warning) == warnings.end()) warnings.push_back(std::move(warning));
+  }
+  site.warnings = std::move(warnings);
+  return site;
 }
 
 // Each tag once, with what all runs see of it, from the runs' tags; a tag's place in the map or its control points from
@@ -52,17 +78,22 @@ WorldEvidence JoinTags(const std::vector<SiteRun>& runs, const JoinedRuns& joine
   }
   WorldEvidence out;
   out.gps = evidence.gps;
-  out.map_covariance = evidence.map_covariance;
-  // Those of the map come first, in its order: the covariance is theirs.
+  std::vector<Eigen::Index> rows;  // of the map's covariance
+  Eigen::Index row = 0;
+  // Those of the map come first, in its order: the covariance is theirs. Only runs that were left out may show some.
   for (const WorldTag& known : evidence.tags) {
+    const Eigen::Index first = row;
+    row += known.world_from_tag ? 6 : 0;
     const auto at = tags.find(known.id);
-    if (at == tags.end()) throw Error(fmt::format("tag {} of the map is seen by no run", known.id));
+    if (at == tags.end()) continue;
+    for (Eigen::Index k = first; k < row; ++k) rows.push_back(k);
     at->second.world_from_tag = known.world_from_tag;
     at->second.control = known.control;
     out.tags.push_back(std::move(at->second));
     runs_of_tag->push_back(seen[known.id]);
     tags.erase(at);
   }
+  out.map_covariance = evidence.map_covariance(rows, rows);
   for (auto& [id, tag] : tags) {
     // One that a single run sees and nothing holds tells nothing new.
     if (seen[id].size() < 2) continue;
@@ -72,15 +103,65 @@ WorldEvidence JoinTags(const std::vector<SiteRun>& runs, const JoinedRuns& joine
   return out;
 }
 
-std::vector<std::vector<GpsPlace>> GpsOf(const std::vector<SiteRun>& runs, const std::vector<bool>& by_gps, bool all,
-                                         const JoinedRuns& joined) {
-  std::vector<std::vector<GpsPlace>> gps(runs.size());
-  for (size_t r = 0; r < runs.size(); ++r) {
-    if (!all && !by_gps[r]) continue;
-    gps[r] = runs[r].gps;
-    for (GpsPlace& place : gps[r]) place.pose += joined.runs[r].first_pose;
+// The fixes that take part; poses: the run's own.
+std::vector<std::vector<GpsPlace>> GpsOf(const std::vector<SiteRun>& runs, bool all) {
+  std::vector<std::vector<GpsPlace>> gps;
+  for (const SiteRun& run : runs) {
+    const auto& geo = run.solution.georeference;
+    gps.push_back(all || (geo && geo->source == "gps") ? run.gps : std::vector<GpsPlace>());
   }
   return gps;
+}
+
+// Runs as sets of those that panoramas and tags tie to each other; what holds them in the world is one more member.
+UnionFind TiesOf(const std::vector<SiteRun>& runs, const std::vector<PlacedRun>& placed,
+                 const std::vector<std::vector<GpsPlace>>& gps, const WorldEvidence& evidence) {
+  const auto world = static_cast<int>(runs.size());
+  UnionFind ties(world + 1);
+  std::map<std::string, int> shown_by;
+  for (int r = 0; r < world; ++r) {
+    const SiteRun& run = runs[static_cast<size_t>(r)];
+    const std::vector<int>& elsewhere = placed[static_cast<size_t>(r)].elsewhere;
+    const auto tie = [&](const std::string& name, bool held) {
+      ties.Join(shown_by.try_emplace(name, r).first->second, r);
+      if (held) ties.Join(world, r);
+    };
+    if (!gps[static_cast<size_t>(r)].empty()) ties.Join(world, r);
+    for (size_t i = 0; i < run.solution.references.size(); ++i) {
+      const SolutionReference& reference = run.solution.references[i];
+      if (reference.pose < 0 || reference.status != "localized") continue;
+      if (std::find(elsewhere.begin(), elsewhere.end(), static_cast<int>(i)) != elsewhere.end()) continue;
+      const bool same = i < run.input.references.size();  // joining throws where it is not
+      tie("panorama " + reference.name, same && run.input.references[i].geotag.has_position);
+    }
+    for (const WorldTag& tag : run.tags) {
+      tie(fmt::format("tag {}", tag.id), std::any_of(evidence.tags.begin(), evidence.tags.end(),
+                                                     [&](const WorldTag& known) { return known.id == tag.id; }));
+    }
+  }
+  return ties;
+}
+
+// The runs that are not in the set of the world.
+std::vector<int> LooseRuns(UnionFind ties, size_t runs) {
+  std::vector<int> loose;
+  const auto world = static_cast<int>(runs);
+  for (int r = 0; r < world; ++r) {
+    if (ties.Root(r) != ties.Root(world)) loose.push_back(r);
+  }
+  return loose;
+}
+
+// Where each body of the runs is by its run alone. One without a georeference lies where the others put it.
+std::vector<Rigid3d> PosesAlone(const std::vector<SiteRun>& runs, const std::vector<PlacedRun>& placed) {
+  std::vector<Rigid3d> poses;
+  for (size_t i = 0; i < runs.size(); ++i) {
+    const Solution& s = runs[i].solution;
+    const Sim3d& world_from_odom = s.georeference ? s.georeference->world_from_odom : *placed[i].world_from_odom;
+    for (size_t k = 0; k < s.pose_stamps.size(); ++k)
+      poses.push_back(world_from_odom.TransformPose(OdomFromRig(s, static_cast<int>(k))).Inverse());
+  }
+  return poses;
 }
 
 // What was said of the panoramas' places against where they are now.
@@ -180,12 +261,28 @@ void CheckDatum(const GeoStart& start, const SiteFitInput& site, const WorldEvid
       "or the survey's tags (--use control, --use tags)");
 }
 
-// Runs that nothing but their own georeference ties to the others.
+BundleOptions BundleOf(int threads) {
+  BundleOptions bundle;
+  bundle.threads = threads;
+  bundle.max_iterations = 20;
+  bundle.relative_cost_tolerance = 1e-5;
+  return bundle;
+}
+
+void WarnOfMoved(const std::vector<TagInRun>& moved, const JoinedRuns& joined, std::vector<std::string>* warnings) {
+  for (const TagInRun& tag : moved) {
+    warnings->push_back(
+        fmt::format("tag {} stands elsewhere in run {} than in the other runs: it is left out of that run", tag.tag_id,
+                    joined.runs[static_cast<size_t>(tag.run)].name));
+  }
+}
+
+// Runs that nothing but what holds them in the world ties to the others.
 void WarnOfLonely(const std::vector<RunInSite>& runs, std::vector<std::string>* warnings) {
   for (const RunInSite& run : runs) {
     if (runs.size() < 2 || run.shared_panoramas + run.shared_tags + run.shared_points > 0) continue;
     warnings->push_back("run " + run.name +
-                        " shares no panorama, tag or point with the others: its own geotags or GPS "
+                        " shares no panorama, tag or point with the others: its own geotags, GPS or tags of the map "
                         "alone place it");
   }
 }
@@ -197,22 +294,28 @@ std::vector<std::string> SiteOptions::Check() const { return CheckRanges(*this);
 SiteAdjustment AdjustSite(std::vector<SiteRun> runs, const WorldEvidence& evidence, const SiteOptions& options,
                           int threads, uint64_t seed, ProgressSink& progress, const CancelToken& cancel) {
   SiteAdjustment out;
-  std::vector<PlacedRun> placed = PlaceRuns(runs, &out.warnings);
+  std::vector<PlacedRun> placed = PlaceRuns(runs, evidence, &out.warnings);
   LeaveOutUnplaced(&runs, &placed, &out.warnings);
-  std::vector<bool> by_gps;
-  std::vector<Rigid3d> before;  // of the body poses, each run by itself
-  for (size_t i = 0; i < runs.size(); ++i) {
-    const Solution& s = runs[i].solution;
-    by_gps.push_back(s.georeference && s.georeference->source == "gps");
-    // One without a georeference lies where its panoramas and tags put it.
-    const Sim3d& world_from_odom = s.georeference ? s.georeference->world_from_odom : *placed[i].world_from_odom;
-    for (size_t k = 0; k < s.pose_stamps.size(); ++k)
-      before.push_back(world_from_odom.TransformPose(OdomFromRig(s, static_cast<int>(k))).Inverse());
-  }
+  const std::vector<Rigid3d> before = PosesAlone(runs, placed);
+  SiteFitInput site;
+  site.gps = GpsOf(runs, evidence.gps);
+  UnionFind ties = TiesOf(runs, placed, site.gps, evidence);
+  // Joining gives up the runs' solutions.
+  std::vector<SiteRun> kept = LooseRuns(ties, runs.size()).empty() ? std::vector<SiteRun>() : runs;
   JoinedRuns joined = JoinRuns(&runs, placed, options.geo.tilt_sigma_deg * kDegToRad);
   Reconstruction& r = joined.reconstruction;
   const RunLinks links = LinkRuns(joined, options.links, options.registration, threads, seed, progress, cancel);
   out.links_tried = links.tried, out.links_found = links.found, out.links_refused = links.refused;
+  for (const auto& [a, b] : links.pairs) {
+    ties.Join(joined.run_of_point[static_cast<size_t>(a)], joined.run_of_point[static_cast<size_t>(b)]);
+  }
+  if (LeaveOutLoose(LooseRuns(ties, runs.size()), &kept, &out.warnings)) {
+    return WithWarnings(std::move(out.warnings),
+                        AdjustSite(std::move(kept), evidence, options, threads, seed, progress, cancel));
+  }
+  for (size_t i = 0; i < site.gps.size(); ++i) {
+    for (GpsPlace& place : site.gps[i]) place.pose += joined.runs[i].first_pose;
+  }
 
   std::vector<std::set<int>> runs_of_tag;
   const WorldEvidence world = JoinTags(runs, joined, evidence, &runs_of_tag);
@@ -220,9 +323,7 @@ SiteAdjustment AdjustSite(std::vector<SiteRun> runs, const WorldEvidence& eviden
   std::vector<int> pose_of;
   for (const SolutionReference& reference : joined.references) pose_of.push_back(reference.pose);
   const GeoStart start = GeotagsOf(joined.input, pose_of, r.problem);
-  SiteFitInput site;
   site.run_of_image = joined.run_of_image;
-  site.gps = GpsOf(runs, by_gps, evidence.gps, joined);
   site.links = links.factors;
   site.after_links = [&] {
     PointPairs pairs = PairsByPanoramas(joined);
@@ -230,20 +331,12 @@ SiteAdjustment AdjustSite(std::vector<SiteRun> runs, const WorldEvidence& eviden
     MergePoints(pairs, options.outlier_chi2, &joined, threads, cancel);
   };
   CheckDatum(start, site, world);
-  BundleOptions bundle;
-  bundle.threads = threads;
-  bundle.max_iterations = 20;
-  bundle.relative_cost_tolerance = 1e-5;
+  const BundleOptions bundle = BundleOf(threads);
   std::vector<TagInRun> moved;
   out.fit =
       FitSite(joined.input, start, site, world, options.geo, bundle, &r.problem, &r.summary, &moved, progress, cancel);
   out.warnings.insert(out.warnings.end(), out.fit.warnings.begin(), out.fit.warnings.end());
-  for (const TagInRun& tag : moved) {
-    out.warnings.push_back(
-        fmt::format("tag {} stands elsewhere in run {} than in the other runs: it is left out of that "
-                    "run",
-                    tag.tag_id, joined.runs[static_cast<size_t>(tag.run)].name));
-  }
+  WarnOfMoved(moved, joined, &out.warnings);
   NoteGeotags(start, options.geo, &joined);
   BundleCovariance covariance(r.problem, threads, cancel);
   out.runs = FactsOf(joined, runs_of_tag, before, covariance);

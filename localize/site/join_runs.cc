@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <tuple>
 
 #include "calib/base/error.h"
 #include "calib/base/union_find.h"
@@ -39,6 +40,20 @@ std::vector<Shared> SharedOf(const SiteRun& run) {
   return shared;
 }
 
+// What the map's tags and control points show of where a run lies, in its own frame.
+std::vector<Anchor> HeldBy(const SiteRun& run, const WorldEvidence& evidence) {
+  std::vector<WorldTag> tags;
+  for (const WorldTag& known : evidence.tags) {
+    for (const WorldTag& tag : run.tags) {
+      if (tag.id != known.id) continue;
+      tags.push_back(tag);
+      tags.back().world_from_tag = known.world_from_tag;
+      tags.back().control = known.control;
+    }
+  }
+  return AnchorsOf(run.input, tags, run.solution.problem);
+}
+
 std::array<Eigen::Vector3d, 4> PointsOf(const Rigid3d& frame_from_x, double reach) {
   std::array<Eigen::Vector3d, 4> points;
   points.fill(frame_from_x.translation);
@@ -56,14 +71,26 @@ double Uncertainty(const Solution& s) {
 
 class Placing {
  public:
-  explicit Placing(const std::vector<SiteRun>& runs) : runs_(runs) {
-    for (const SiteRun& run : runs) shared_.push_back(SharedOf(run));
+  Placing(const std::vector<SiteRun>& runs, const WorldEvidence& evidence) : runs_(runs) {
+    for (const SiteRun& run : runs) {
+      shared_.push_back(SharedOf(run));
+      held_by_.push_back(HeldBy(run, evidence));
+    }
   }
 
   // How many of a run's shared things lie somewhere already.
   size_t Known(size_t run) const {
     return static_cast<size_t>(std::count_if(shared_[run].begin(), shared_[run].end(),
                                              [&](const Shared& s) { return world_.count(s.name) > 0; }));
+  }
+
+  // Which of two runs is placed first: the one that shares most with those placed before, then the one that is known
+  // best in the world, then the one that shows most of what holds the site.
+  bool Before(size_t a, size_t b) const {
+    const auto rank = [this](size_t run) {
+      return std::tuple(Known(run), -Uncertainty(runs_[run].solution), held_by_[run].size());
+    };
+    return rank(a) > rank(b);
   }
 
   PlacedRun Place(size_t run, std::vector<std::string>* warnings) {
@@ -88,16 +115,18 @@ class Placing {
       for (const Eigen::Vector3d& p : PointsOf(known->second, shared.reach_m)) anchor.world.push_back(p);
       behind.push_back(&shared);
     }
+    if (anchors.empty() && !own) anchors = held_by_[run];
     std::string reason;
     std::optional<Rigid3d> pose = anchors.empty() ? own : PoseOfAnchors(anchors, own, &reason);
-    if (!pose) {
-      warnings->push_back(fmt::format("run {} contradicts the runs before it: {}; {}", runs_[run].name, reason,
+    if (!pose && !anchors.empty()) {
+      const char* whom = behind.empty() ? "what holds the site" : "the runs before it";
+      warnings->push_back(fmt::format("run {} contradicts {}: {}; {}", runs_[run].name, whom, reason,
                                       own ? "it is placed by its own georeference" : "it is left out"));
       pose = own;
     }
     if (!pose) return placed;
     placed.world_from_odom = Sim3d{scale, pose->rotation, pose->translation};
-    for (size_t k = 0; k < anchors.size(); ++k) {
+    for (size_t k = 0; k < behind.size(); ++k) {
       const double off = AnchorDistance(anchors[k], *pose);
       if (off < kAnchorNear_m || behind[k]->reference < 0) continue;  // tags are tested by their corners
       placed.elsewhere.push_back(behind[k]->reference);
@@ -115,7 +144,8 @@ class Placing {
  private:
   const std::vector<SiteRun>& runs_;
   std::vector<std::vector<Shared>> shared_;
-  std::map<std::string, Rigid3d> world_;  // where shared things lie
+  std::vector<std::vector<Anchor>> held_by_;  // of each run
+  std::map<std::string, Rigid3d> world_;      // where shared things lie
 };
 
 // The first view of each reference of a run's problem: they follow the cameras, in the order of the poses. A reference
@@ -233,7 +263,8 @@ class Joiner {
     OdometryScale& scale = p_.scales.emplace_back();
     scale.value = s.problem.scales.front().value * world_from_odom.scale;
     scale.constant = false;
-    scale.prior = run->input.has_odometry ? 1 : scale.value;
+    const bool metric = run->input.has_odometry || run->input.scale_sigma < 1;  // by its cameras' places on the body
+    scale.prior = metric ? 1 : scale.value;
     scale.sigma = run->input.scale_sigma * scale.prior;
     const int first_point = static_cast<int>(p_.points.size());
     for (const Eigen::Vector3d& y : s.problem.points) {
@@ -411,19 +442,15 @@ void SortObservations(const std::vector<bool>& keep, JoinedRuns* joined) {
 
 }  // namespace
 
-std::vector<PlacedRun> PlaceRuns(const std::vector<SiteRun>& runs, std::vector<std::string>* warnings) {
-  Placing placing(runs);
+std::vector<PlacedRun> PlaceRuns(const std::vector<SiteRun>& runs, const WorldEvidence& evidence,
+                                 std::vector<std::string>* warnings) {
+  Placing placing(runs, evidence);
   std::vector<PlacedRun> placed(runs.size());
   std::vector<bool> done(runs.size(), false);
   for (size_t step = 0; step < runs.size(); ++step) {
-    // First the one that is known best, then always the one that shares most.
     size_t next = runs.size();
     for (size_t i = 0; i < runs.size(); ++i) {
-      if (done[i]) continue;
-      const bool better =
-          next == runs.size() || placing.Known(i) > placing.Known(next) ||
-          (placing.Known(i) == placing.Known(next) && Uncertainty(runs[i].solution) < Uncertainty(runs[next].solution));
-      if (better) next = i;
+      if (!done[i] && (next == runs.size() || placing.Before(i, next))) next = i;
     }
     done[next] = true;
     placed[next] = placing.Place(next, warnings);

@@ -22,14 +22,15 @@ struct SiteRun {
 };
 
 // world_from_odom of each run: the run that is known best in the world where its own georeference has it, the others
-// where the panoramas and tags that they share with runs placed before put them, else by their own. Unset: neither;
-// such a run can take no part. What is shared by name but lies elsewhere (an answer of a repeated structure, a tag that
-// was moved) is named in `warnings`.
+// where the panoramas and tags that they share with runs placed before put them, else by their own, else by the tags of
+// the map and control points of `evidence` that they show. Unset: none of these; such a run can take no part. What is
+// shared by name but lies elsewhere (an answer of a repeated structure, a tag that was moved) is named in `warnings`.
 struct PlacedRun {
   std::optional<Sim3d> world_from_odom;
   std::vector<int> elsewhere;  // indices of its solution's references that lie elsewhere than in the other runs
 };
-std::vector<PlacedRun> PlaceRuns(const std::vector<SiteRun>& runs, std::vector<std::string>* warnings);
+std::vector<PlacedRun> PlaceRuns(const std::vector<SiteRun>& runs, const WorldEvidence& evidence,
+                                 std::vector<std::string>* warnings);
 
 struct JoinedRuns {
   LocalizeInput input;            // cameras, images, body poses one after the other; references by name, each once

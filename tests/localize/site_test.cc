@@ -344,7 +344,7 @@ TEST(Site, ViewsOfPanoramasStayTheirOwnBesideARejectedOne) {
   SolutionReference& rejected = runs[0].solution.references[1];
   rejected.status = "rejected", rejected.pose = -1;
   std::vector<std::string> warnings;
-  const std::vector<PlacedRun> placed = PlaceRuns(runs, &warnings);
+  const std::vector<PlacedRun> placed = PlaceRuns(runs, {}, &warnings);
   const JoinedRuns joined = JoinRuns(&runs, placed, 0.1);
   const BundleProblem& p = joined.reconstruction.problem;
   int seen = 0;
@@ -446,6 +446,76 @@ TEST(Site, ControlOnTagsAndAMovedTag) {
       OdomFromRig(site.solution, site.fit.first_tag + 3).translation - Truth(0, 8) * Eigen::Vector3d(0, 5, 0.5);
   EXPECT_EQ(site.tags[3], 8);
   EXPECT_LT(tag8.norm(), 0.05);
+}
+
+// A run that localized no panorama; it shows these tags.
+SiteRun RunWithTagsAlone(int run, World w, const std::vector<int>& tags, Random* random) {
+  w.panoramas.clear(), w.world_from_pano.clear(), w.seen.clear();
+  SiteRun out = MakeRun(run, w, random);
+  for (int id : tags) out.tags.push_back(SeenTag(id, run, Eigen::Vector3d::Zero(), random));
+  return out;
+}
+
+// No other run shows its tags: the map places the run, and holds it.
+TEST(Site, RunIsPlacedByTagsOfTheMapThatItAloneShows) {
+  Random random(11);
+  const World w = MakeWorld(&random);
+  std::vector<SiteRun> runs = {RunWithTagsAlone(1, w, {6, 12, 18}, &random), MakeRun(0, w, &random)};
+  Solution& alone = runs[0].solution;
+  alone.georeference.reset();
+  const Rigid3d far(Eigen::Quaterniond::Identity(), Eigen::Vector3d(1000, 0, 0));  // its frame begins anywhere
+  for (Rigid3d& pose : alone.problem.poses) pose = pose * far.Inverse();
+  for (Eigen::Vector3d& point : alone.problem.points) point = far * point;
+  WorldEvidence evidence;
+  for (const WorldTag& seen : runs[0].tags) {
+    WorldTag& tag = evidence.tags.emplace_back();
+    tag.id = seen.id;
+    tag.world_from_tag = Truth(1, seen.sightings.front().image) * seen.body_from_tag;
+  }
+  evidence.map_covariance = 1e-4 * Eigen::MatrixXd::Identity(18, 18);
+  const SiteAdjustment site = Adjust(runs, evidence);
+  ASSERT_EQ(site.runs.size(), 2u);
+  EXPECT_EQ(site.fit.map_tags, (std::vector<int>{6, 12, 18}));
+  EXPECT_LT(BodyError(site.solution, 0, 1), 0.1);
+  // The other run lies where its geotags put it.
+  EXPECT_NEAR(BodyError(site.solution, 1, 0), BodyError(Adjust({runs[1]}).solution, 0, 0), 0.02);
+}
+
+// One surveyed point does not show how a run lies. Its tag is in the evidence and no run is left that shows it.
+TEST(Site, TagsOfARunThatIsLeftOutTakeNoPart) {
+  Random random(12);
+  const World w = MakeWorld(&random);
+  std::vector<SiteRun> runs = {MakeRun(0, w, &random), RunWithTagsAlone(1, w, {8}, &random)};
+  runs[1].solution.georeference.reset();
+  WorldEvidence evidence;
+  evidence.tags.emplace_back().id = 8;
+  evidence.tags.back().control.emplace_back().position = Truth(0, 8) * Eigen::Vector3d(0, 5, 0.5);
+  const SiteAdjustment site = Adjust(runs, evidence);
+  ASSERT_EQ(site.runs.size(), 1u);
+  EXPECT_EQ(site.runs[0].name, "run0");
+  EXPECT_TRUE(site.tags.empty());
+  ASSERT_FALSE(site.warnings.empty());
+  EXPECT_NE(site.warnings.back().find("run run1 is left out: it is not georeferenced"), std::string::npos)
+      << site.warnings.back();
+}
+
+// As after `localize --use tags` and `adjust` without: its georeference rests on what the adjustment does not use.
+TEST(Site, RunThatNothingHoldsIsLeftOut) {
+  Random random(13);
+  const World w = MakeWorld(&random);
+  const std::vector<SiteRun> runs = {RunWithTagsAlone(1, w, {8}, &random), MakeRun(0, w, &random)};
+  const SiteAdjustment site = Adjust(runs);
+  ASSERT_EQ(site.runs.size(), 1u);
+  EXPECT_EQ(site.runs[0].name, "run0");
+  ASSERT_EQ(site.warnings.size(), 1u);
+  EXPECT_NE(site.warnings[0].find("run run1 is left out: nothing that the adjustment uses holds it"), std::string::npos)
+      << site.warnings[0];
+  const SiteAdjustment alone = Adjust({runs[1]});
+  EXPECT_EQ(BodyError(site.solution, 0, 0), BodyError(alone.solution, 0, 0));
+  // A tag in common with a run that is held ties it.
+  std::vector<SiteRun> tied = runs;
+  tied[1].tags.push_back(SeenTag(8, 0, Eigen::Vector3d::Zero(), &random));
+  EXPECT_EQ(Adjust(tied).runs.size(), 2u);
 }
 
 }  // namespace
