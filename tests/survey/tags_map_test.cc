@@ -477,8 +477,11 @@ TEST(TagMap, ControlThatNoPictureShowsIsNamedAndGeotagsHoldTheMap) {
 TEST(TagMap, ControlHoldsTheMapWhereGeotagsLieApartFromIt) {
   Yard yard = MakeYard(24);
   yard.input.points.resize(2);
+  Yard together = yard;
+  AddGeotags(0, &together);
   AddGeotags(48, &yard);
   const SurveyResult map = Survey(yard.input);
+  EXPECT_LE(map.iterations, 2 * Survey(together.input).iterations);  // it has no way to go
   EXPECT_EQ(map.datum, "control and geotags");
   for (const SurveyPoint& p : {yard.input.points[0], yard.input.points[1]}) {
     const auto tag =
