@@ -127,19 +127,16 @@ class Plot {
  private:
   static double Inside(double share) { return std::isnan(share) ? 0 : std::clamp(share, 0.0, 1.0); }
 
-  // Names above the frame, in as many lines as they need; one that is wider than the picture is broken.
+  // Names above the frame, in as many lines as they need.
   void Legend(const std::vector<std::string>& names) {
-    constexpr double kLine = 18, kSign = 21, kGap = 15;
     double x = left_, y = 14;
     for (size_t i = 0; i < names.size(); ++i) {
-      const double end = drawing_.width - 16;
-      if (x + kSign + TextWidth(names[i], 12) > end && x > left_) x = left_, y += kLine;
+      const double w = 36 + TextWidth(names[i], 12);
+      if (x + w > right_ + 8 && x > left_) x = left_, y += 18;
       drawing_.Line({{x, y - 4}, {x + 16, y - 4}}, ColourOf(i), 2.5, i >= kColours.size());
       Mark(i, x + 8, y - 4, 3.5);
-      const std::vector<std::string> lines = BrokenText(names[i], 12, end - x - kSign);
-      for (const std::string& line : lines) drawing_.Text(x + kSign, y, line, -1), y += kLine;
-      y -= kLine;
-      x = lines.size() > 1 ? end : x + kSign + TextWidth(names[i], 12) + kGap;
+      drawing_.Text(x + 21, y, names[i], -1);
+      x += w;
     }
     top_ = names.empty() ? 14 : y + 12;
   }

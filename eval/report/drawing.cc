@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <sstream>
 
 #include "eval/report/base64.h"
 
@@ -107,21 +106,6 @@ double TextWidth(const std::string& text, double size) {
   size_t letters = 0;
   for (char c : text) letters += (static_cast<unsigned char>(c) >> 6) != 2;
   return 0.56 * size * static_cast<double>(letters);
-}
-
-std::vector<std::string> BrokenText(const std::string& text, double size, double room) {
-  std::vector<std::string> lines(1);
-  std::istringstream words(text);
-  for (std::string word; words >> word;) {
-    std::string& line = lines.back();
-    const std::string longer = line.empty() ? word : line + " " + word;
-    if (line.empty() || TextWidth(longer, size) <= room) {
-      line = longer;
-    } else {
-      lines.push_back(word);
-    }
-  }
-  return lines;
 }
 
 bool DrawnBox::Overlaps(const DrawnBox& other) const {

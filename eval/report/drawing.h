@@ -59,8 +59,6 @@ struct Drawing {
 
 // About as wide as the text will be; fonts differ.
 double TextWidth(const std::string& text, double size);
-// The text in lines of about `room` at most, broken at spaces.
-std::vector<std::string> BrokenText(const std::string& text, double size, double room);
 
 struct DrawnBox {
   double x = 0, y = 0, width = 0, height = 0;  // upper left corner and extent

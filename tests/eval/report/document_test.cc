@@ -187,21 +187,6 @@ TEST_F(PdfTest, SaysWhereItCannotWrite) {
   }
 }
 
-TEST(Charts, NamesWiderThanThePictureAreBroken) {
-  std::string name = "localize/run1";
-  for (int i = 0; i < 30; ++i) name += ", shared evidence";
-  const Drawing drawing = LineChart({{"a", {{0, 1, {}, {}}}}, {name, {{0, 1, {}, {}}}}, {"b", {}}}, "x", "y", false);
-  std::string drawn;
-  for (const Shape& shape : drawing.shapes) {
-    if (shape.kind != Shape::Kind::kText) continue;
-    if (shape.anchor == -1) {
-      EXPECT_LE(shape.points[0].first + TextWidth(shape.text, shape.size), drawing.width);
-    }
-    drawn += shape.text + " ";
-  }
-  EXPECT_THAT(drawn, HasSubstr("a " + name + " b "));
-}
-
 TEST(Charts, AreDrawnFromNothingAndFromAnything) {
   const double nan = std::nan(""), inf = std::numeric_limits<double>::infinity();
   const std::vector<Drawing> drawings = {

@@ -353,20 +353,6 @@ TEST_F(ReportTest, VariantsSideBySideKeepTheirNames) {
   EXPECT_THAT(site_.Read("out/tables/worst_cells.csv"), HasSubstr("S1,p1.jpg,run1@paper,panorama (G2)"));
 }
 
-// Names in charts that were broken over lines in one piece again.
-std::string WithoutLineBreaks(std::string html) {
-  const std::string end = "</text>", begin = "<text ";
-  for (size_t at = 0; (at = html.find(end, at)) != std::string::npos;) {
-    const size_t next = html.find_first_not_of(" \n", at + end.size());
-    if (next != std::string::npos && html.compare(next, begin.size(), begin) == 0) {
-      html.replace(at, html.find('>', next) + 1 - at, " ");
-    } else {
-      at += end.size();
-    }
-  }
-  return html;
-}
-
 TEST_F(ReportTest, SharedEvidenceHasItsOwnCurvesOfConsistency) {
   WriteResults();
   std::string header = kErrorHeader;
@@ -378,7 +364,7 @@ TEST_F(ReportTest, SharedEvidenceHasItsOwnCurvesOfConsistency) {
   site_.Write("results/evaluate/coverage_risk.csv",
               "variant,method,reference,kind,shares_evidence,coverage,depth_sigma_m,median_m,p90_m,max_m\n"
               ",single,control,absolute,no,1,0.1,0.1,0.1,0.1\n,single,control,absolute,yes,1,0.1,0.2,0.2,0.2\n");
-  const std::string html = WithoutLineBreaks(Report());
+  const std::string html = Report();
   const std::string independent = "panorama (G2) against surveyed control, absolute",
                     shared = independent + ", shared evidence";
   for (const std::string& name : {independent, shared}) {
