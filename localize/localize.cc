@@ -156,7 +156,8 @@ PoseEstimate ToWorld(const GeoRegistration& geo, const Rigid3d& odom_from_x, con
 }
 
 // The photos of a hand-held set were taken within arm's reach of each other. Photos whose poses agree with that are
-// accepted, the others rejected. The whole set is rejected if most of its poses disagree or only one photo has a pose.
+// accepted, the others rejected. The whole set is rejected if only one photo has a pose, or if those that agree have
+// found no more points than the others: a pose at the wrong place finds few.
 void AgreeOnSets(const LocalizeInput& input, double radius, std::vector<ReferenceAnswer>* answers) {
   std::map<int, std::vector<size_t>> sets;
   for (size_t i = 0; i < answers->size(); ++i) {
@@ -168,15 +169,20 @@ void AgreeOnSets(const LocalizeInput& input, double radius, std::vector<Referenc
       if (IsLocalized((*answers)[i])) answered.push_back(i);
     }
     const auto centre = [&](size_t i) { return (*answers)[i].registration.rig_from_odom.TargetOriginInSource(); };
+    const auto support = [&](const std::vector<size_t>& some) {
+      double sum = 0;
+      for (size_t i : some) sum += (*answers)[i].registration.support;
+      return sum;
+    };
     std::vector<size_t> best;
     for (size_t i : answered) {
       std::vector<size_t> near;
       for (size_t j : answered) {
         if ((centre(i) - centre(j)).norm() < radius) near.push_back(j);
       }
-      if (near.size() > best.size()) best = near;
+      if (support(near) > support(best)) best = near;
     }
-    const bool enough = members.size() == 1 || (best.size() >= 2 && 2 * best.size() > answered.size());
+    const bool enough = members.size() == 1 || (best.size() >= 2 && 2 * support(best) > support(answered));
     for (size_t i : answered) {
       if (enough && std::find(best.begin(), best.end(), i) != best.end()) continue;
       Registration& g = (*answers)[i].registration;
@@ -379,9 +385,8 @@ void SolveWith(const Task& task, const std::vector<ReferenceViews>& references, 
 }
 
 // The stitched sets follow once `refine` has seen what the others say.
-void SolveJointly(const Task& task, const RefineReferences& refine, std::vector<Registration> registrations,
-                  Localization* result) {
-  std::vector<ReferenceViews> references = task.input.references;
+void SolveJointly(const Task& task, const RefineReferences& refine, std::vector<ReferenceViews> references,
+                  std::vector<Registration> registrations, Localization* result) {
   std::vector<bool> sets(references.size()), others(references.size());
   for (size_t i = 0; i < references.size(); ++i) {
     sets[i] = refine && references[i].stitched;
@@ -529,6 +534,11 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
   steps.End("retrieval");
   std::vector<Registration> registrations = RegisterReferences(
       input, result.reconstruction, result.retrieval, options.registration, paper, threads, seed, progress, cancel);
+  std::vector<ReferenceViews> references = input.references;
+  if (!paper) {
+    result.photo_focals = RefinePhotoFocals(input, result.reconstruction, result.retrieval, options.registration,
+                                            threads, seed, progress, cancel, &references, &registrations);
+  }
   for (const Registration& g : registrations) result.references.emplace_back().registration = g;
   AgreeOnSets(input, options.registration.set_radius_m, &result.references);
   if (!paper) TellMirrored(task, result);
@@ -536,7 +546,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
   if (paper) {
     HoldReferences(&result);
   } else {
-    SolveJointly(task, refine, std::move(registrations), &result);
+    SolveJointly(task, refine, std::move(references), std::move(registrations), &result);
   }
   steps.End("joint solution");
   EarthFit earth = Georeference(task, world_evidence, &result);

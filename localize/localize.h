@@ -10,6 +10,7 @@
 #include "localize/reconstruct/frames.h"
 #include "localize/reconstruct/reconstruct.h"
 #include "localize/reconstruct/step_times.h"
+#include "localize/references/photo_focal.h"
 #include "localize/references/registration.h"
 #include "localize/references/retrieval.h"
 #include "localize/references/view_errors.h"
@@ -67,6 +68,7 @@ struct Localization {
   std::vector<Matrix6d> pose_covariances;
   std::vector<Eigen::Matrix<double, 6, 7>> with_fit;  // empty when not on the Earth
   Retrieval retrieval;
+  std::vector<PhotoFocal> photo_focals;  // of photos that EXIF states a focal length of
   StepSeconds seconds;
 };
 

@@ -187,7 +187,7 @@ void AddProjectFacts(const Project& project, const DisplayUnit& unit, const Proj
   input.points = false;
   for (const std::string& variant : input.variants) {
     for (const std::string& run : project.RunNames()) {
-      const std::string name = ResultName(StageNamed("localize"), {run, variant, nlohmann::json::object()});
+      const std::string name = ResultName(StageNamed("localize"), {run, variant});
       if (auto manifest = ReadManifest(project, "localize", name)) {
         input.stages.push_back({"localize", name, "done", "", std::move(*manifest)});
       }

@@ -377,7 +377,7 @@ void Crosscheck(StageContext& context, const std::string& run, const std::string
   for (const ModelImage& image : ours.scene.model.images)
     ours.odom_from_cam[image.name] = image.cam_from_world.Inverse();
   // What is delivered is checked: the table, against the solution that it was written from, too.
-  const fs::path localized = ResultOf(project, "localize", {run, variant, nlohmann::json::object()});
+  const fs::path localized = ResultOf(project, "localize", {run, variant});
   ours.answers = ReadLocalizeResult(localized, nullptr).panoramas;
   const std::set<std::string> changed = ChangedAnswers(ours.answers, ReadLocalizeResult(localized).panoramas);
   context.progress.Begin("our covariance", 0);

@@ -61,7 +61,7 @@ std::vector<std::string> LocalizedRuns(const Project& project, const ExportReque
   for (const std::string& run : request.runs.empty() ? project.RunNames() : request.runs) {
     if (request.runs.empty() && project.site().broken_runs.count(run) > 0) continue;
     project.run(run);  // throws naming the nearest one
-    const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
+    const fs::path dir = ResultOf(project, "localize", {run, request.variant});
     if (fs::exists(dir / "cameras_odom.tum")) {
       runs.push_back(run);
     } else {
@@ -100,7 +100,7 @@ void RequireAsWritten(const Project& project, const std::string& stage, const St
 
 // The reconstruction that the run's results rest on.
 StageTarget ReconstructionOf(const Project& project, const ExportRequest& request, const std::string& run) {
-  return TargetRead(project, StageNamed("reconstruct"), "localize", {run, request.variant, nlohmann::json::object()});
+  return TargetRead(project, StageNamed("reconstruct"), "localize", {run, request.variant});
 }
 
 // Of everything that an export reads.
@@ -127,7 +127,7 @@ struct Path {
 };
 
 std::vector<Path> PathsOf(const Project& project, const ExportRequest& request, const std::string& run) {
-  const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
+  const fs::path dir = ResultOf(project, "localize", {run, request.variant});
   const bool wants_odom = request.frame == "odom", wants_world = request.frame == "world";
   std::vector<Path> paths;
   for (const BodyCamera& camera : project.run(run).cameras) {
@@ -188,7 +188,7 @@ void ExportTrajectories(const Project& project, const ExportRequest& request, co
         fmt::format("{}/{}: {}, frame {}", run, path.name, Counted(path.poses.size(), "pose"), path.frame));
   }
   if (!world) return;
-  const LocalFrame enu = FrameOfResult(project, "localize", {run, request.variant, nlohmann::json::object()});
+  const LocalFrame enu = FrameOfResult(project, "localize", {run, request.variant});
   WarnOfOtherOrigin(project, enu, "run " + run, &report->warnings);
 }
 
@@ -199,7 +199,7 @@ void ExportGPano(const Project& project, const ExportRequest& request, const std
   for (const Reference& reference : project.site().references) {
     if (reference.kind == ReferenceKind::kPanorama) pictures[reference.name] = reference.files.front();
   }
-  const StageTarget target{run, request.variant, nlohmann::json::object()};
+  const StageTarget target{run, request.variant};
   const fs::path dir = ResultOf(project, "localize", target);
   const LocalFrame enu = FrameOfResult(project, "localize", target);
   const std::map<std::string, PictureCredit> credits = ReadCredits(project.dir());
@@ -242,7 +242,7 @@ void ExportMap(const Project& project, const ExportRequest& request, ExportRepor
   const Crs crs = Crs::Named(request.crs.empty() && any_system ? project.crs() : request.crs, project.frame().origin());
   const HeightSystem heights = HeightSystem::Named(request.heights);
   LayerFrame frame{crs, heights, ""};
-  const LocalFrame enu = FrameOfResult(project, "survey", {"", request.variant, nlohmann::json::object()});
+  const LocalFrame enu = FrameOfResult(project, "survey", {"", request.variant});
   const Geodetic& o = enu.origin();  // of the columns x_m, y_m, z_m of tags
   frame.about =
       fmt::format("{}{}: written by trigpoint on {}; ENU origin {:.9f}, {:.9f}, {:.4f} m (WGS 84, ellipsoidal)",
@@ -287,7 +287,7 @@ void WarnOfOtherOrigin(const Project& project, const LocalFrame& frame, const st
   if (apart_m <= kRounded_m) return;
   warnings->push_back(fmt::format(
       "{}: east, north, up count from the origin of its result, {:.9f}, {:.9f}, {:.4f} m, which is {:.3f} m "
-      "from the project's as it is now; do not use them beside coordinates about the latter: run "
+      "from the project's as it is now; they do not fit coordinates that count from the latter: run "
       "`trigpoint run` first",
       what, o.latitude_deg, o.longitude_deg, o.height_m, apart_m));
 }

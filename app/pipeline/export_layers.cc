@@ -166,7 +166,7 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
   const auto columns = [](const CsvRow& row) {
     return Eigen::Vector3d(row.Number("x"), row.Number("y"), row.Number("z"));
   };
-  const LocalFrame enu = FrameOfResult(s->project, "localize", {run, s->request.variant, nlohmann::json::object()});
+  const LocalFrame enu = FrameOfResult(s->project, "localize", {run, s->request.variant});
   const LocalizeResult result = ReadLocalizeResult(dir);
   for (const PanoramaResult& p : result.panoramas) {
     if (!p.world_from_pano) continue;
@@ -244,7 +244,7 @@ void AddSurveyed(Sources* s, const LocalFrame& enu, const fs::path& dir, Layer* 
 }
 
 void AddTags(Sources* s, const fs::path& dir, std::vector<std::string>* warnings) {
-  const LocalFrame enu = FrameOfResult(s->project, "survey", {"", s->request.variant, nlohmann::json::object()});
+  const LocalFrame enu = FrameOfResult(s->project, "survey", {"", s->request.variant});
   WarnOfOtherOrigin(s->project, enu, "tag map (x_m, y_m, z_m of tags; positions on the Earth are right)", warnings);
   std::map<int, Rigid3d> world_from_tag;
   for (const TagResult& tag : ReadTagResults(dir / "tags.csv", dir / "tags_cov.csv")) {
@@ -292,7 +292,7 @@ void AddTags(Sources* s, const fs::path& dir, std::vector<std::string>* warnings
 }
 
 void AddErrors(Sources* s, const fs::path& errors_csv) {
-  const LocalFrame enu = FrameOfResult(s->project, "evaluate", {"", s->request.variant, nlohmann::json::object()});
+  const LocalFrame enu = FrameOfResult(s->project, "evaluate", {"", s->request.variant});
   std::map<std::pair<std::string, std::string>, Geodetic> places;
   for (const LayerFeature& f : s->panoramas.features) {
     if (!f.geometry.empty()) places[{std::get<std::string>(f.values[0]), f.name}] = f.geometry.front();
@@ -354,7 +354,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
   const std::vector<std::string> runs = request.runs.empty() ? project.RunNames() : request.runs;
   for (const std::string& run : runs) {
     if (project.site().broken_runs.count(run) == 0) project.run(run);  // throws naming the nearest one
-    const fs::path dir = ResultOf(project, "localize", {run, request.variant, nlohmann::json::object()});
+    const fs::path dir = ResultOf(project, "localize", {run, request.variant});
     if (!fs::exists(dir / "panoramas.csv")) {
       warnings->push_back("run " + run + " is left out: not localized yet (trigpoint localize)");
     } else if (!fs::exists(dir / "cameras.csv")) {

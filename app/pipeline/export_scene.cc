@@ -176,7 +176,7 @@ RunScene ReadRunScene(const Project& project, const std::string& run, const std:
                       const std::string& frame) {
   RunScene scene;
   scene.run = project.run(run).name;
-  const fs::path dir = ResultOf(project, "localize", {run, variant, nlohmann::json::object()});
+  const fs::path dir = ResultOf(project, "localize", {run, variant});
   if (!fs::exists(dir / kSolutionFile)) {
     if (const std::string older = OlderLocalization(project, run, variant); !older.empty()) throw InputError(older);
     throw InputError("run " + run + ": not localized yet" + (variant.empty() ? "" : " in variant " + variant) +

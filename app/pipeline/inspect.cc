@@ -34,7 +34,7 @@ constexpr double kRatio = 0.8, kMaxDistance = 0.8;
 }  // namespace
 
 std::string OlderLocalization(const Project& project, const std::string& run, const std::string& variant) {
-  const fs::path dir = ResultOf(project, "localize", {run, variant, nlohmann::json::object()});
+  const fs::path dir = ResultOf(project, "localize", {run, variant});
   if (fs::exists(dir / kSolutionFile) || !fs::exists(dir / "panoramas.csv")) return "";
   return fmt::format("run {}: {} was made by an earlier version and has no {}; run `trigpoint localize {} --run {}{}`",
                      run, RelativeTo(project.dir(), dir), kSolutionFile, ShellWord(project.dir().string()),

@@ -236,6 +236,21 @@ std::string LengthText(const nlohmann::json& metrics) {
   return fmt::format("odometry scale {:.4f} +- {:.4f} (1 sigma)", metrics.at("odometry_scale").get<double>(), sigma);
 }
 
+void NoteFocals(const std::vector<PhotoFocal>& focals, StageContext* context) {
+  for (const PhotoFocal& focal : focals) {
+    context->metrics["photo_focals"].push_back({{"found_by_stated", focal.factor},
+                                                {"sigma", focal.factor * focal.sigma},
+                                                {"photos", focal.photos},
+                                                {"points", focal.points}});
+    context->progress.Log(
+        LogLevel::kInfo,
+        fmt::format(
+            "focal length of {} photos: {:.4f} (1 sigma {:.4f}) times what their EXIF states, by {} observations "
+            "of the run's points",
+            focal.photos, focal.factor, focal.factor * focal.sigma, focal.points));
+  }
+}
+
 void NoteRigs(const std::vector<SetRefinement>& sets, nlohmann::json* metrics) {
   for (const SetRefinement& set : sets) {
     (*metrics)["rigs"][set.name] = {{"freedom", RigFreedomName(set.freedom)},
@@ -274,7 +289,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 26;
+    request.version = 27;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -333,6 +348,7 @@ StageInfo LocalizeStage() {
       WriteRigs(sets, result, context.out);
       context.metrics.update(Metrics(job, counts, result));
       NoteClocks(r, job, result, &context);
+      NoteFocals(result.photo_focals, &context);
       NoteRigs(sets, &context.metrics);
       Solution solution = SolutionOf(job.input, r.name, options.mode, counts, &result);
       if (solution.georeference && result.world.frame >= 0) {

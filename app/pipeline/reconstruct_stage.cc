@@ -149,25 +149,6 @@ void RequireArms(const Run& run, const LocalizeInput& input, const Reconstructio
       (run.dir / "camchain.yaml").string(), arm.norm()));
 }
 
-// Refuses odometry with which no pair of images agrees. The check before the reconstruction lets odometry pass whose
-// motions are a few degrees off, and a few pairs do not show its noise; the result would rest on odometry alone.
-void RequireAgreement(const Run& run, const LocalizeInput& input, const RunReconstruction& result) {
-  constexpr int kLeast = 3;  // two pairs may both be wrong by a repeated facade
-  if (result.pairs_joined > 0) return;
-  const std::vector<int> moments = MomentsOfPoses(input);
-  const auto moment = [&](int image) {
-    return moments[static_cast<size_t>(input.images[static_cast<size_t>(image)].pose)];
-  };
-  int contradicting = 0;  // of consecutive images
-  for (const ImagePair& pair : result.pairs_rejected) contradicting += std::abs(moment(pair.b) - moment(pair.a)) == 1;
-  if (contradicting < kLeast || 2 * contradicting < moments.back()) return;
-  throw InputError(fmt::format(
-      "{}: contradicts the images: of {} steps from image to image, {} are clear by their matches, and odometry agrees "
-      "with none of them within its noise. Check its time (odometry: time_offset_s in run.yaml), that it is of this "
-      "run, and T_cam_imu. Option check_conventions=false skips this check",
-      (run.dir / "odometry.tum").string(), moments.back(), contradicting));
-}
-
 // Refuses a calibration that the images contradict.
 void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run, StageContext& context) {
   LensCheck check;
@@ -382,7 +363,10 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
                         ? ReconstructOnce(options, mode, target, run, context, &result)
                         : ReconstructWithItsCameras(options, mode, target, run, context, &result);
   if (!calibrated && check(job)) job = ReconstructWithItsCameras(options, mode, target, run, context, &result);
-  if (options.check_conventions && job.input.has_odometry) RequireAgreement(run, job.input, result);
+  if (options.check_conventions && job.input.has_odometry && result.pairs_joined == 0) {
+    const std::string odometry = (run.dir / "odometry.tum").string();
+    if (const auto wrong = ContradictedByPairs(job.input, result.pairs_rejected, odometry)) throw InputError(*wrong);
+  }
   if (calibrated && options.check_conventions && mode != "paper") {
     RequireCalibration(job.input, result, context);
     if (job.input.has_odometry) HeedCalibration(options, target, as_read, context, &job, &result);
@@ -445,7 +429,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 19;
+    request.version = 20;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

@@ -83,7 +83,9 @@ std::string Describe(const ReferencePoses& result, const std::vector<std::string
 void MakeReference(const ReferenceStageOptions& options, const StageTarget& target, StageContext& context) {
   const Project& project = context.project;
   const Run& run = project.run(target.run);
-  if (run.cameras.empty() || run.cameras.front().focal_sigma_share > 0)
+  const bool guessed = std::any_of(run.cameras.begin(), run.cameras.end(),
+                                   [](const BodyCamera& camera) { return camera.focal_sigma_share > 0; });
+  if (run.cameras.empty() || guessed)
     throw InputError("run " + run.name + " has no calibrated camera; expected camchain.yaml");
   const fs::path folder = ReferenceMapFolder(project, options.map);
   const ReferenceMap map = ReadReferenceMap(project, folder, options.map);

@@ -172,6 +172,7 @@ std::vector<SetRefinement> RefineSets(const LocalizeJob& job, const Registration
       if (set.rig.view_covariance.size() > 0) (*references)[i].errors.poses = set.rig.view_covariance;
       sets.push_back(std::move(set));
     } catch (const NumericError& e) {
+      answer = attempts.front();  // what another size led to is not the stitched rig's
       progress.Log(LogLevel::kWarning, "the rig of " + job.references[i].name + " is used as stitched: " + e.what());
     }
   }

@@ -363,7 +363,8 @@ void RequireKnownLens(const std::string& run, const std::vector<BodyCamera>& cam
 }
 
 void WarnOfGuessedLens(const SurveyRun& run, std::vector<std::string>* warnings) {
-  const double share = run.cameras.empty() ? 0 : run.cameras.front().focal_sigma_share;
+  double share = 0;
+  for (const BodyCamera& camera : run.cameras) share = std::max(share, camera.focal_sigma_share);
   if (!(share > 0)) return;
   warnings->push_back(fmt::format(
       "run {}: its lens is taken from EXIF (focal length good to {:.0f} %, 1 sigma; no distortion), and the "

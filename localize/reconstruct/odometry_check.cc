@@ -663,4 +663,21 @@ OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whol
           drifts ? drift : std::optional<OdometryDrift>()};
 }
 
+std::optional<std::string> ContradictedByPairs(const LocalizeInput& input, const std::vector<ImagePair>& rejected,
+                                               const std::string& odometry) {
+  constexpr int kLeast = 3;  // two pairs may both be wrong by a repeated facade
+  const std::vector<int> moments = MomentsOfPoses(input);
+  const auto moment = [&](int image) {
+    return moments[static_cast<size_t>(input.images[static_cast<size_t>(image)].pose)];
+  };
+  int contradicting = 0;  // of consecutive images
+  for (const ImagePair& pair : rejected) contradicting += std::abs(moment(pair.b) - moment(pair.a)) == 1;
+  if (contradicting < kLeast || 2 * contradicting < moments.back()) return {};
+  return fmt::format(
+      "{}: contradicts the images: of {} steps from image to image, {} are clear by their matches, and odometry agrees "
+      "with none of them within its noise. Check its time (odometry: time_offset_s in run.yaml), that it is of this "
+      "run, and T_cam_imu. Option check_conventions=false skips this check",
+      odometry, moments.back(), contradicting);
+}
+
 }  // namespace trigpoint

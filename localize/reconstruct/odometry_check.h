@@ -11,6 +11,7 @@
 #include "datasets/io/trajectory.h"
 #include "localize/reconstruct/frames.h"
 #include "localize/reconstruct/odometry_drift.h"
+#include "localize/reconstruct/view_graph.h"
 
 namespace trigpoint {
 
@@ -43,5 +44,11 @@ struct OdometryFinding {
 OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whole, const std::string& odometry,
                               const OdometryCheckOptions& options, int threads, uint64_t seed, ProgressSink& progress,
                               const CancelToken& cancel);
+
+// A message where no pair of images agrees with odometry, as `rejected` has at least three consecutive ones and half of
+// all. The check before the reconstruction lets odometry pass whose motions are a few degrees off, and a few pairs do
+// not show its noise; the result would rest on odometry alone.
+std::optional<std::string> ContradictedByPairs(const LocalizeInput& input, const std::vector<ImagePair>& rejected,
+                                               const std::string& odometry);
 
 }  // namespace trigpoint

@@ -518,7 +518,8 @@ std::optional<BearingObservation> ObservationOf(const LocalizeInput& input, cons
 namespace {
 
 // About the axes of the body what the pairs of images say, along them no less than stated: pairs see no length.
-Vector6d FirstNoiseFactor(const ReconstructStart& start) {
+Vector6d FirstNoiseFactor(const ReconstructStart& start, const ReconstructOptions& options) {
+  if (!options.estimate_odometry) return Vector6d::Ones();
   Vector6d factor = Vector6d::Constant(start.odometry_noise.rotation);
   factor.tail<3>().setConstant(std::max(1.0, start.odometry_noise.translation));
   return factor;
@@ -558,7 +559,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
   bundle.threads = threads;
   const std::vector<int> moments = MomentsOfPoses(input);
 
-  Vector6d noise_factor = FirstNoiseFactor(start);
+  Vector6d noise_factor = FirstNoiseFactor(start, options);
   // An upper limit: with a larger noise of odometry, wrong images would outweigh a measurement whose noise is stated.
   const Vector6d most_noise = noise_factor;
   p.factors = OdometryFactors(input, options, noise_factor);

@@ -1044,11 +1044,21 @@ std::vector<Registration> RegisterReferences(const LocalizeInput& input, const R
                                              const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
                                              int threads, uint64_t seed, ProgressSink& progress,
                                              const CancelToken& cancel) {
+  std::vector<size_t> all(input.references.size());
+  std::iota(all.begin(), all.end(), 0);
+  return RegisterReferences(input, reconstruction, retrieval, options, paper, all, threads, seed, progress, cancel);
+}
+
+std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                             const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
+                                             const std::vector<size_t>& some, int threads, uint64_t seed,
+                                             ProgressSink& progress, const CancelToken& cancel) {
   const Registrar registrar(input, reconstruction, retrieval, options, paper, seed, cancel);
-  std::vector<Registration> result(input.references.size());
+  std::vector<Registration> result(some.size());
   progress.Begin("references", static_cast<int64_t>(result.size()));
-  ParallelFor(static_cast<int64_t>(result.size()), threads, cancel, [&](int64_t i) {
-    result[static_cast<size_t>(i)] = registrar.Run(static_cast<int>(i));
+  ParallelFor(static_cast<int64_t>(result.size()), threads, cancel, [&](int64_t k) {
+    const auto at = static_cast<size_t>(k);
+    result[at] = registrar.Run(static_cast<int>(some[at]));
     progress.Advance(1);
   });
   return result;

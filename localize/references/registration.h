@@ -122,6 +122,11 @@ std::vector<Registration> RegisterReferences(const LocalizeInput& input, const R
                                              const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
                                              int threads, uint64_t seed, ProgressSink& progress,
                                              const CancelToken& cancel);
+// Some of them, indices into the references; answers in their order.
+std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                             const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
+                                             const std::vector<size_t>& some, int threads, uint64_t seed,
+                                             ProgressSink& progress, const CancelToken& cancel);
 
 // An image of the run that may show what an earlier traversal has seen.
 struct LoopQuery {
