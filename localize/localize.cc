@@ -156,8 +156,8 @@ PoseEstimate ToWorld(const GeoRegistration& geo, const Rigid3d& odom_from_x, con
 }
 
 // The photos of a hand-held set were taken within arm's reach of each other. Photos whose poses agree with that are
-// accepted, the others rejected. The whole set is rejected if only one photo has a pose, or if those that agree have
-// found no more points than the others: a pose at the wrong place finds few.
+// accepted, the others rejected. The whole set is rejected if only one photo has a pose, or if most of its poses
+// disagree, unless three and more agree that have found more points than all others: poses at wrong places find few.
 void AgreeOnSets(const LocalizeInput& input, double radius, std::vector<ReferenceAnswer>* answers) {
   std::map<int, std::vector<size_t>> sets;
   for (size_t i = 0; i < answers->size(); ++i) {
@@ -180,9 +180,10 @@ void AgreeOnSets(const LocalizeInput& input, double radius, std::vector<Referenc
       for (size_t j : answered) {
         if ((centre(i) - centre(j)).norm() < radius) near.push_back(j);
       }
-      if (support(near) > support(best)) best = near;
+      if (near.size() > best.size() || (near.size() == best.size() && support(near) > support(best))) best = near;
     }
-    const bool enough = members.size() == 1 || (best.size() >= 2 && 2 * support(best) > support(answered));
+    const bool most = 2 * best.size() > answered.size() || (best.size() >= 3 && 2 * support(best) > support(answered));
+    const bool enough = members.size() == 1 || (best.size() >= 2 && most);
     for (size_t i : answered) {
       if (enough && std::find(best.begin(), best.end(), i) != best.end()) continue;
       Registration& g = (*answers)[i].registration;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -19,6 +20,7 @@
 #include "eval/errors/results.h"
 #include "localize/reconstruct/feature_store.h"
 #include "localize/reconstruct/matching.h"
+#include "localize/references/photo_focal.h"
 #include "survey/panorama/rig_files.h"
 #include "survey/tags/tag_files.h"
 
@@ -192,6 +194,19 @@ std::vector<MatchedView> ViewsOfSet(std::vector<MatchedView> photos, const fs::p
   return photos;
 }
 
+// Focal length of a photo as `localize` found it, times what its EXIF states.
+double FocalFactor(const Project& project, const StageTarget& target, const std::string& photo) {
+  const auto manifest = ReadManifest(project, "localize", ResultName(StageNamed("localize"), target));
+  if (!manifest) return 1;
+  const nlohmann::json none = nlohmann::json::array();
+  for (const auto& focal : manifest->value("metrics", nlohmann::json::object()).value("photo_focals", none)) {
+    const auto& photos = focal.at("photos");
+    if (std::find(photos.begin(), photos.end(), photo) != photos.end())
+      return focal.at("found_by_stated").get<double>();
+  }
+  return 1;
+}
+
 // How far a match is from the epipolar line that `cam_from_view` gives, and whether its rays meet before both.
 void Judge(const Camera& camera, const Eigen::Vector3d& ray, const Rigid3d& cam_from_view,
            const Eigen::Vector3d& ray_in_view, InspectedMatch* match) {
@@ -223,6 +238,8 @@ std::vector<MatchedView> ViewsOf(const Project& project, const ViewOptions& opti
     for (const View& view : prepared.rig.views) {
       views.push_back({view, prepared.name + "#" + view.name, sphere});
       if (!set.empty()) views.back().view.name = fs::path(prepared.name).filename().string();
+      const double factor = sphere ? 1 : FocalFactor(project, target, prepared.name);
+      if (factor != 1) views.back().view.camera = WithFocalFactor(view.camera, factor);
     }
   }
   if (views.empty()) {

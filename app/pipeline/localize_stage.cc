@@ -11,6 +11,7 @@
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/world_evidence.h"
+#include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "datasets/io/capture_date.h"
 #include "datasets/io/credits.h"
@@ -236,18 +237,23 @@ std::string LengthText(const nlohmann::json& metrics) {
   return fmt::format("odometry scale {:.4f} +- {:.4f} (1 sigma)", metrics.at("odometry_scale").get<double>(), sigma);
 }
 
-void NoteFocals(const std::vector<PhotoFocal>& focals, StageContext* context) {
+void NoteFocals(const LocalizeJob& job, const std::vector<PhotoFocal>& focals, StageContext* context) {
   for (const PhotoFocal& focal : focals) {
-    context->metrics["photo_focals"].push_back({{"found_by_stated", focal.factor},
-                                                {"sigma", focal.factor * focal.sigma},
-                                                {"photos", focal.photos},
-                                                {"points", focal.points}});
+    nlohmann::json photos;
+    for (const size_t i : focal.references) photos.push_back(job.references[i].name);
+    const double sigma = focal.factor * focal.sigma;
     context->progress.Log(
         LogLevel::kInfo,
         fmt::format(
-            "focal length of {} photos: {:.4f} (1 sigma {:.4f}) times what their EXIF states, by {} observations "
-            "of the run's points",
-            focal.photos, focal.factor, focal.factor * focal.sigma, focal.points));
+            "focal length of {} ({}): {:.4f} (1 sigma {:.4f}) times what EXIF states, by {} observations of the "
+            "run's points in {} of them",
+            Counted(static_cast<int64_t>(photos.size()), "photo", "photos"), photos[0].get<std::string>(), focal.factor,
+            sigma, focal.points, focal.photos));
+    context->metrics["photo_focals"].push_back({{"photos", std::move(photos)},
+                                                {"found_by_stated", focal.factor},
+                                                {"sigma", sigma},
+                                                {"photos_used", focal.photos},
+                                                {"observations", focal.points}});
   }
 }
 
@@ -348,7 +354,7 @@ StageInfo LocalizeStage() {
       WriteRigs(sets, result, context.out);
       context.metrics.update(Metrics(job, counts, result));
       NoteClocks(r, job, result, &context);
-      NoteFocals(result.photo_focals, &context);
+      NoteFocals(job, result.photo_focals, &context);
       NoteRigs(sets, &context.metrics);
       Solution solution = SolutionOf(job.input, r.name, options.mode, counts, &result);
       if (solution.georeference && result.world.frame >= 0) {

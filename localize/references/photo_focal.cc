@@ -13,13 +13,14 @@
 #include "calib/geometry/rigid3.h"
 
 namespace trigpoint {
-namespace {
 
-Camera WithFactor(const Camera& camera, double factor) {
+Camera WithFocalFactor(const Camera& camera, double factor) {
   std::vector<double> parameters = camera.params();
-  parameters[0] *= factor, parameters[1] *= factor;
+  parameters.at(0) *= factor, parameters.at(1) *= factor;
   return {camera.model(), camera.width(), camera.height(), std::move(parameters)};
 }
+
+namespace {
 
 // Normal equations of one photo: its pose, the logarithm of the factor, and how they mix.
 struct PhotoTerms {
@@ -38,7 +39,23 @@ struct FocalState {
   // Of each observation of each photo: where its point is, given all. Taken where the run puts it, what its error does
   // to pixels would pass for an effect of the focal length, most where points hardly differ in distance.
   std::vector<std::vector<Eigen::Vector3d>> points;
+  std::vector<std::pair<double, double>> photos;  // of each: what it says of the factor, information and gradient
 };
+
+// Variance of the photos' own factors about their mean, beyond what their points leave open (DerSimonian and Laird
+// 1986).
+double ScatterOf(const std::vector<std::pair<double, double>>& photos) {
+  if (photos.size() < 2) return 0;
+  double sum = 0, squares = 0, q = 0;
+  for (const auto& [information, gradient] : photos) {
+    if (!(information > 0)) continue;
+    sum += information, squares += information * information;
+    q += gradient * gradient / information;
+  }
+  const double spread = sum - squares / sum, expected = static_cast<double>(photos.size()) - 1;
+  constexpr double kNone = 1e-9;  // as where one photo alone says something
+  return spread > kNone * sum ? std::max(0.0, (q - expected) / spread) : 0;
+}
 
 class FocalProblem {
  public:
@@ -67,6 +84,7 @@ class FocalProblem {
     PhotoFocal out;
     double h = 1 / (prior_sigma * prior_sigma), g = (at->log_factor - prior) * h, squares = 0, weights = 0;
     std::vector<Vector6d> by_pose, by_focal;  // the poses' own steps, and by the factor's
+    at->photos.clear();
     for (size_t k = 0; k < photos_.size(); ++k) {
       const PhotoTerms t = TermsOf(k, at);
       const Eigen::LDLT<Matrix6d> pose(t.pose);
@@ -75,8 +93,8 @@ class FocalProblem {
         by_pose.back().setZero(), by_focal.back().setZero();
         continue;
       }
-      h += t.focal - t.mixed.dot(by_focal.back());
-      g += t.by_focal - t.mixed.dot(by_pose.back());
+      at->photos.emplace_back(t.focal - t.mixed.dot(by_focal.back()), t.by_focal - t.mixed.dot(by_pose.back()));
+      h += at->photos.back().first, g += at->photos.back().second;
       squares += t.squares, weights += t.weights;
       out.points += t.points;
       ++out.photos;
@@ -86,7 +104,7 @@ class FocalProblem {
     for (size_t k = 0; k < photos_.size(); ++k) at->poses[k] = at->poses[k].Plus(-by_pose[k] - step * by_focal[k]);
     const double freedom = 2 * weights - 6 * out.photos - 1;
     at->noise = freedom > 0 ? std::clamp(at->noise * std::sqrt(squares / freedom), 1.0, kMostNoise) : kMostNoise;
-    out.sigma = 1 / std::sqrt(h);
+    out.mean_sigma = 1 / std::sqrt(h);
     return out;
   }
 
@@ -97,7 +115,7 @@ class FocalProblem {
     std::vector<Camera> cameras;
     std::vector<Rigid3d> view_from_rig;
     for (const View& v : reference.rig.views) {
-      cameras.push_back(WithFactor(v.camera, std::exp(at->log_factor)));
+      cameras.push_back(WithFocalFactor(v.camera, std::exp(at->log_factor)));
       view_from_rig.push_back(v.rig_from_view.Inverse());
     }
     PhotoTerms sum;
@@ -172,32 +190,32 @@ PhotoFocal EstimateFocal(const std::vector<RegisteredPhoto>& photos, const std::
     const double log_factor = at.log_factor, noise = at.noise;
     out = problem.Step(prior, prior_sigma, &at);
     const bool steady = std::abs(at.noise / noise - 1) < kSmall;
-    if (steady && std::abs(at.log_factor - log_factor) < kSmall * out.sigma) break;
+    if (steady && std::abs(at.log_factor - log_factor) < kSmall * out.mean_sigma) break;
   }
   out.factor = std::exp(at.log_factor);
+  out.sigma = std::hypot(out.mean_sigma, std::sqrt(ScatterOf(at.photos)));
   return out;
 }
 
 namespace {
 
-// References that state one focal length.
+// References that state one focal length: of one set, or of none.
 struct FocalGroup {
-  double stated_px = 0, share = 0;
+  double share = 0;
   std::vector<size_t> members;
 };
 
 std::vector<FocalGroup> GroupsOf(const std::vector<ReferenceViews>& references) {
-  std::map<double, FocalGroup> groups;
+  std::map<std::pair<int, double>, FocalGroup> groups;
   for (size_t i = 0; i < references.size(); ++i) {
     const double share = references[i].errors.focal_share;
     if (!(share > 0)) continue;
-    const double focal_px = references[i].rig.views.front().camera.MeanFocal();
-    FocalGroup& group = groups[focal_px];
-    group.stated_px = focal_px, group.share = share;
+    FocalGroup& group = groups[{references[i].set, references[i].rig.views.front().camera.MeanFocal()}];
+    group.share = share;
     group.members.push_back(i);
   }
   std::vector<FocalGroup> out;
-  for (auto& [focal_px, group] : groups) out.push_back(std::move(group));
+  for (auto& [key, group] : groups) out.push_back(std::move(group));
   return out;
 }
 
@@ -213,21 +231,25 @@ struct FocalTrial {
   }
 };
 
-// The members that the retrieval says most of: enough to estimate their focal length.
-FocalGroup MostMatched(const FocalGroup& group, const std::vector<Registration>& registrations) {
+// Of the localized members those with most points found: enough to estimate their focal length.
+FocalGroup BestFound(const FocalGroup& group, const std::vector<Registration>& registrations) {
   constexpr size_t kMost = 8;
   FocalGroup some = group;
+  std::erase_if(some.members, [&](size_t i) { return registrations[i].status != AnswerStatus::kLocalized; });
   std::stable_sort(some.members.begin(), some.members.end(),
-                   [&](size_t a, size_t b) { return registrations[a].view_matches > registrations[b].view_matches; });
+                   [&](size_t a, size_t b) { return registrations[a].support > registrations[b].support; });
   some.members.resize(std::min(kMost, some.members.size()));
   return some;
 }
 
+// Fewer points than chance explains (3 sigma of a count).
+bool LosesPoints(double now, double before) { return now < before - 3 * std::sqrt(before); }
+
 class FocalRefiner {
  public:
-  // `attempt`: the members' answers with such cameras.
-  using Attempt =
-      std::function<std::vector<Registration>(const LocalizeInput& tried, const std::vector<size_t>& members)>;
+  // The members' answers with such cameras; `wide`: searched for points whose places the focal length moves.
+  using Attempt = std::function<std::vector<Registration>(const LocalizeInput& tried,
+                                                          const std::vector<size_t>& members, bool wide)>;
   FocalRefiner(const LocalizeInput& input, const Reconstruction& reconstruction, const RegistrationOptions& options,
                Attempt attempt)
       : tried_(input),
@@ -236,43 +258,38 @@ class FocalRefiner {
         options_(options),
         attempt_(std::move(attempt)) {}
 
-  // Nothing where no member is localized, with whatever focal length.
+  // Nothing where no member is localized as stated, or where points are lost.
   std::optional<PhotoFocal> Refine(const FocalGroup& group, std::vector<ReferenceViews>* references,
                                    std::vector<Registration>* registrations) {
-    const FocalGroup some = MostMatched(group, *registrations);
-    FocalTrial best = AsStated(some, *registrations);
+    const FocalGroup some = BestFound(group, *registrations);
+    if (some.members.empty()) return {};
+    FocalTrial best = Try(some, *references, 0);
     PhotoFocal focal;
-    bool settled = best.Support() > 0 && Settle(some, *references, &best, &focal);
+    bool settled = Settle(some, *references, &best, &focal);
     if (!settled) {
       // Far from the true focal length, the points that are found are those that fit the wrong one.
       best = Search(some, *references, std::move(best));
-      if (!(best.Support() > 0)) return {};
       settled = Settle(some, *references, &best, &focal);
     }
+    if (focal.photos == 0) return {};
     if (!settled) focal.sigma = group.share;
-    focal.stated_px = group.stated_px;
     focal.factor = std::exp(best.log_factor);
-    Take(group, focal, references, registrations);
+    focal.references = group.members;
+    if (!Take(group, focal, references, registrations)) return {};
     return focal;
   }
 
  private:
-  static FocalTrial AsStated(const FocalGroup& group, const std::vector<Registration>& registrations) {
-    FocalTrial trial;
-    for (const size_t i : group.members) trial.answers.push_back(registrations[i]);
-    return trial;
-  }
-
   void Scale(const FocalGroup& group, const std::vector<ReferenceViews>& stated, double log_factor) {
     for (const size_t i : group.members) {
       tried_.references[i].rig = stated[i].rig;
-      for (View& v : tried_.references[i].rig.views) v.camera = WithFactor(v.camera, std::exp(log_factor));
+      for (View& v : tried_.references[i].rig.views) v.camera = WithFocalFactor(v.camera, std::exp(log_factor));
     }
   }
 
   FocalTrial Try(const FocalGroup& group, const std::vector<ReferenceViews>& stated, double log_factor) {
     Scale(group, stated, log_factor);
-    return {log_factor, attempt_(tried_, group.members)};
+    return {log_factor, attempt_(tried_, group.members, true)};
   }
 
   // The factor is that on the trial's focal length.
@@ -303,19 +320,20 @@ class FocalRefiner {
   // Estimates and registers in turns. Whether the focal length stayed in the end.
   bool Settle(const FocalGroup& group, const std::vector<ReferenceViews>& stated, FocalTrial* best, PhotoFocal* focal) {
     constexpr int kRounds = 8;
+    if (!(best->Support() > 0)) return false;
     double last = 0, stride = 1;
     for (int round = 0; round < kRounds; ++round) {
       *focal = Estimate(group, stated, *best);
       const double step = std::log(focal->factor);
+      if (!(std::abs(step) < 2 * group.share)) return false;
       // Of the points that are found, more fit the present focal length: each step is too short.
       stride = step * last > 0 ? std::min(2 * stride, 4.0) : 1;
-      const bool stays = std::abs(step) < focal->sigma;
+      const bool stays = std::abs(step) < focal->mean_sigma;
       FocalTrial next = Try(group, stated, best->log_factor + (stays ? 1 : stride) * step);
-      // A focal length that loses more points than chance explains (3 sigma of a count) has led to wrong poses.
-      if (round > 0 && next.Support() < best->Support() - 3 * std::sqrt(best->Support())) return false;
+      if (LosesPoints(next.Support(), best->Support())) return false;
       *best = std::move(next);
       if (stays) {
-        focal->sigma = std::hypot(focal->sigma, step);
+        focal->sigma = std::hypot(focal->sigma, stride * step);
         return true;
       }
       last = step;
@@ -324,20 +342,24 @@ class FocalRefiner {
   }
 
   // All members with the focal length found, registered again where that moves what they show by more than the noise.
-  void Take(const FocalGroup& group, const PhotoFocal& focal, std::vector<ReferenceViews>* references,
+  // Nothing changes where they lose points by it.
+  bool Take(const FocalGroup& group, const PhotoFocal& focal, std::vector<ReferenceViews>* references,
             std::vector<Registration>* registrations) {
     const double log_factor = std::log(focal.factor);
     const Camera& camera = (*references)[group.members.front()].rig.views.front().camera;
     const double corner_px = 0.5 * std::hypot(camera.width(), camera.height());
-    if (std::abs(log_factor) * corner_px > options_.sigma_px) {
-      FocalTrial all = Try(group, *references, log_factor);
-      for (size_t k = 0; k < group.members.size(); ++k) (*registrations)[group.members[k]] = std::move(all.answers[k]);
-    }
     Scale(group, *references, log_factor);
+    if (std::abs(log_factor) * corner_px > options_.sigma_px) {
+      FocalTrial before, after{log_factor, attempt_(tried_, group.members, false)};
+      for (const size_t i : group.members) before.answers.push_back((*registrations)[i]);
+      if (LosesPoints(after.Support(), before.Support())) return false;
+      for (size_t k = 0; k < group.members.size(); ++k) (*registrations)[group.members[k]] = after.answers[k];
+    }
     for (const size_t i : group.members) {
       (*references)[i].rig = tried_.references[i].rig;
       (*references)[i].errors.focal_share = focal.sigma;
     }
+    return true;
   }
 
   LocalizeInput tried_;
@@ -357,10 +379,11 @@ std::vector<PhotoFocal> RefinePhotoFocals(const LocalizeInput& input, const Reco
   std::vector<PhotoFocal> found;
   const std::vector<FocalGroup> groups = GroupsOf(*references);
   if (groups.empty()) return found;
-  RegistrationOptions wide = options;  // so that points are found whose places the focal length moves
+  RegistrationOptions wide = options;
   wide.guided_px *= 2;
-  const auto attempt = [&](const LocalizeInput& tried, const std::vector<size_t>& members) {
-    return RegisterReferences(tried, reconstruction, retrieval, wide, false, members, threads, seed, progress, cancel);
+  const auto attempt = [&](const LocalizeInput& tried, const std::vector<size_t>& members, bool is_wide) {
+    return RegisterReferences(tried, reconstruction, retrieval, is_wide ? wide : options, false, members, threads, seed,
+                              progress, cancel);
   };
   FocalRefiner refiner(input, reconstruction, options, attempt);
   for (const FocalGroup& group : groups) {
