@@ -660,16 +660,31 @@ std::vector<std::string> GeoRegistrationOptions::Check() const {
 
 namespace {
 
+// By how much the sigmas of errors with two dimensions are too small, from their chi-squares; 1 where that may be
+// chance (0.1 %).
+double SigmaFactor(std::vector<double> chi2) {
+  constexpr size_t kLeast = 5;
+  constexpr double kMedian = 1.386, kSlope = 0.25;  // of a chi-square with two degrees of freedom; its density there
+  constexpr double kChance = 3.09;
+  if (chi2.size() < kLeast) return 1;
+  const double spread = 0.5 / (kSlope * std::sqrt(static_cast<double>(chi2.size())));
+  const double median = Median(std::move(chi2));
+  return median > kMedian + kChance * spread ? std::sqrt(median / kMedian) : 1;
+}
+
 // Residuals, and which positions and tilts are beyond the gate.
 void Tally(const EarthSolution& best, const std::vector<GeoObservation>& obs, double outlier_chi2,
            GeoRegistration* result) {
   result->residuals = best.residuals;
+  std::vector<double> tilts;
   for (size_t i = 0; i < obs.size(); ++i) {
     result->outlier[i] = best.position_chi2[i] > outlier_chi2;
     result->tilts += obs[i].has_tilt ? 1 : 0;
     const double tilt_chi2 = best.attitude_chi2[i] - best.heading_chi2[i];
     result->wrong_tilts += tilt_chi2 > outlier_chi2 ? 1 : 0;
+    if (obs[i].has_tilt) tilts.push_back(tilt_chi2);
   }
+  result->tilt_factor = SigmaFactor(std::move(tilts));
 }
 
 // Do errors point the same way from one position to the next? Those of sigmas that are too small do not.
@@ -804,10 +819,11 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
     return fit;
   };
   GeoRegistration result = Register(obs, odom_covariance, scale_prior, scale_sigma, levelled, options);
-  if (!contradicted(result)) return result;
+  const auto consistent = [&](const GeoRegistration& fit) { return !contradicted(fit) && fit.tilt_factor == 1; };
+  if (consistent(result)) return result;
   if (levelled) {
     const GeoRegistration tilted = Register(obs, odom_covariance, scale_prior, scale_sigma, false, options);
-    if (tilted.solved && !contradicted(tilted)) {
+    if (tilted.solved && consistent(tilted)) {
       const Eigen::Vector3d up = tilted.world_from_odom.rotation * Eigen::Vector3d::UnitZ();
       return say(fmt::format("pitch and roll of the geotags agree if the run's frame is tilted by {:.2f} deg, but "
                              "run.yaml says odometry: levelled; the frame is taken as tilted; check levelled",
@@ -815,14 +831,23 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
                  tilted);
     }
   }
+  const double factor = result.tilt_factor;
+  std::vector<GeoObservation> changed = obs;
+  if (!contradicted(result) && factor < kMostSigmaFactor) {
+    for (GeoObservation& o : changed) o.sigma_tilt_rad *= factor;
+    return say(
+        fmt::format("pitch and roll of {} geotags scatter by {:.1f} times their sigmas, which are taken as so much "
+                    "larger; check pitch_deg, roll_deg and sigma_tilt_deg",
+                    result.tilts, factor),
+        Register(changed, odom_covariance, scale_prior, scale_sigma, levelled, options));
+  }
   // A single wrong panorama may be chance; if most are wrong, the table was made with another convention.
   const std::string said = fmt::format(
       "pitch and roll of {} of {} geotags contradict the run and each other; pitch and roll are not used; check "
       "pitch_deg, roll_deg and sigma_tilt_deg",
       result.wrong_tilts, result.tilts);
-  std::vector<GeoObservation> without = obs;
-  for (GeoObservation& o : without) o.has_tilt = false;
-  return say(said, Register(without, odom_covariance, scale_prior, scale_sigma, levelled, options));
+  for (GeoObservation& o : changed) o.has_tilt = false;
+  return say(said, Register(changed, odom_covariance, scale_prior, scale_sigma, levelled, options));
 }
 
 namespace {
@@ -896,6 +921,44 @@ GeoRegistration RegisterBySources(std::vector<GeoObservation>* observations, con
   }
 }
 
+namespace {
+
+constexpr double kMedianOfNormal2d = 1.177;  // of the length of a normal error in two dimensions, sigmas
+
+// Root of the sum of the squared horizontal distances from the mean: what a turn is measured by.
+double SpreadOf(const std::vector<Eigen::Vector3d>& places) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : places) sum += p;
+  double squares = 0;
+  for (const Eigen::Vector3d& p : places) {
+    squares += (p - sum / static_cast<double>(places.size())).head<2>().squaredNorm();
+  }
+  return std::sqrt(squares);
+}
+
+// Headings that agree with each other, but are turned against the positions by much more than both leave open.
+std::optional<std::string> CommonTurn(const std::vector<GeoObservation>& observations,
+                                      const Eigen::Quaterniond& world_from_odom, double by_places_rad,
+                                      double sigma_rad) {
+  constexpr double kSigmas = 5, kMost = 3;  // of the turn; of a single heading
+  constexpr double kSigmaOfMedian = 1.2533;
+  std::vector<double> turns;
+  for (const GeoObservation& o : observations) {
+    if (!o.has_position || !o.has_heading) continue;
+    const double is = AttitudeOf(world_from_odom * o.odom_from_rig.rotation).heading_rad;
+    turns.push_back(WrapAngle(o.attitude.heading_rad - is));
+  }
+  const double turn = Median(turns);
+  const double sigma =
+      std::hypot(kSigmaOfMedian * sigma_rad / std::sqrt(static_cast<double>(turns.size())), by_places_rad);
+  for (double& t : turns) t = std::abs(WrapAngle(t - turn));
+  if (std::abs(turn) < std::max(kSigmas * sigma, kMost * sigma_rad) || Median(turns) > kMost * sigma_rad) return {};
+  return fmt::format("turned by {:+.1f} deg (1 sigma {:.1f} deg) against true north, as those from magnetic north are",
+                     turn * kRadToDeg, sigma * kRadToDeg);
+}
+
+}  // namespace
+
 std::optional<std::string> OtherHeadings(const std::vector<GeoObservation>& observations) {
   constexpr double kWrong = 20 * kDegToRad, kRight = 7 * kDegToRad;
   std::vector<Eigen::Vector3d> places, said;
@@ -939,8 +1002,11 @@ std::optional<std::string> OtherHeadings(const std::vector<GeoObservation>& obse
     errors.push_back(Median(std::move(wrong)));
   }
   const size_t best = static_cast<size_t>(std::min_element(errors.begin(), errors.end()) - errors.begin());
-  if (errors[0] < std::max(kWrong, 3 * Median(sigmas_rad)) || best == 0 || errors[best] > kRight) return std::nullopt;
-  return kReadings[best].what;
+  const bool counted_otherwise =
+      errors[0] >= std::max(kWrong, 3 * Median(sigmas_rad)) && best != 0 && errors[best] <= kRight;
+  if (counted_otherwise) return kReadings[best].what;
+  const double place_sigma_m = std::max(Median(sigmas), Median(std::move(off)) / kMedianOfNormal2d);
+  return CommonTurn(observations, fit.rotation, place_sigma_m / SpreadOf(said), Median(sigmas_rad));
 }
 
 }  // namespace trigpoint

@@ -68,6 +68,7 @@ struct GeoRegistration {
   std::vector<double> weights;             // of each observation's position, 0 to 1
   std::vector<bool> outlier;               // position beyond the gate
   int tilts = 0, wrong_tilts = 0;          // used pitches and rolls; of these beyond the gate
+  double tilt_factor = 1;                  // by which their sigmas are too small, by their scatter
   std::vector<Eigen::Vector3d> residuals;  // said - estimated, world, m
   std::vector<SourceEstimate> sources;     // of observations that have one, by name
   int iterations = 0;

@@ -385,8 +385,8 @@ std::string Jump(const LocalizeInput& input, const std::string& odometry, int fr
   }
   return fmt::format(
       "{}: jumps between {:.3f} and {:.3f} s: it moves {:.2f} m and turns {:.0f} deg there, which the images "
-      "contradict; expected a continuous motion without corrections by GPS or loops. Option check_conventions=false "
-      "skips this check",
+      "contradict; expected a continuous motion without corrections by GPS or loops, and the calibration of this "
+      "camera. Option check_conventions=false skips this check",
       odometry, 1e-9 * static_cast<double>(input.pose_stamps[a]), 1e-9 * static_cast<double>(input.pose_stamps[b]),
       moved, turned * kRadToDeg);
 }

@@ -214,6 +214,32 @@ TEST(GeoRegistration, HeadingsThatAreAllOffWidenTheTurn) {
   }
 }
 
+// Where positions show the turn much better than the headings disagree with it.
+TEST(GeoRegistration, HeadingsFromMagneticNorthAreTold) {
+  Site site = MakeSite(8, 0);
+  for (const double off_deg : {10.0, -8.0}) {
+    std::vector<GeoObservation> turned = site.observations;
+    for (GeoObservation& o : turned) o.attitude.heading_rad += off_deg * kDegToRad;
+    EXPECT_NE(OtherHeadings(turned).value_or("").find(off_deg > 0 ? "turned by +" : "turned by -"), std::string::npos)
+        << OtherHeadings(turned).value_or("");
+  }
+  site.observations[2].attitude.heading_rad += 10 * kDegToRad;  // of one alone
+  EXPECT_FALSE(OtherHeadings(site.observations));
+}
+
+TEST(GeoRegistration, TiltsThatScatterMoreThanStatedCountLess) {
+  Site site = MakeSite(12, 0);
+  Random random(5);
+  for (GeoObservation& o : site.observations) {
+    o.attitude.pitch_rad += 2.5 * o.sigma_tilt_rad * random.Normal();
+    o.attitude.roll_rad += 2.5 * o.sigma_tilt_rad * random.Normal();
+  }
+  const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+  ASSERT_TRUE(geo.solved) << geo.reason;
+  EXPECT_NE(geo.reason.find("times their sigmas, which are taken as so much larger"), std::string::npos) << geo.reason;
+  ExpectWithin(3, geo, site);
+}
+
 // All pitches and rolls by one instrument that is not level.
 TEST(GeoRegistration, TiltsThatAreAllOffWidenTheTilt) {
   Site site = MakeSite(6, 0);
