@@ -834,10 +834,11 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
   const double factor = result.tilt_factor;
   std::vector<GeoObservation> changed = obs;
   if (!contradicted(result) && factor < kMostSigmaFactor) {
-    for (GeoObservation& o : changed) o.sigma_tilt_rad *= factor;
+    for (GeoObservation& o : changed) o.sigma_tilt_rad *= factor * std::sqrt(static_cast<double>(result.tilts));
     return say(
-        fmt::format("pitch and roll of {} geotags scatter by {:.1f} times their sigmas, which are taken as so much "
-                    "larger; check pitch_deg, roll_deg and sigma_tilt_deg",
+        fmt::format("pitch and roll of {} geotags scatter by {:.1f} times their sigmas; together they count as one "
+                    "with so large a sigma, as their errors may be common; check pitch_deg, roll_deg and "
+                    "sigma_tilt_deg",
                     result.tilts, factor),
         Register(changed, odom_covariance, scale_prior, scale_sigma, levelled, options));
   }
