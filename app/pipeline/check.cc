@@ -89,7 +89,7 @@ void FindCalibrations(const SurveyInput& input, const SurveyOptions& options, in
 std::optional<FieldClock> ClockOf(const FieldRun& run, const std::vector<MeasuredTurn>& turns) {
   const auto clock = FindOdometryClock(run.run->odometry, turns, kMostOffset_s);
   if (!clock) return std::nullopt;
-  return FieldClock{clock->offset_s, clock->sigma_s, clock->agrees, clock->significant};
+  return FieldClock{clock->offset_s, clock->sigma_s, clock->agrees, clock->significant && clock->rate == 0};
 }
 
 // Odometry's clock, and how its poses are to be read.

@@ -518,6 +518,14 @@ std::optional<OdometryClock> FindClock(const LocalizeInput& input, const Traject
 }
 
 std::string OtherClock(const OdometryClock& clock, const std::string& odometry) {
+  if (clock.rate != 0) {
+    return fmt::format(
+        "{}: its clock runs about {:.1f} % {} than the images': with its stamps corrected its rotations agree with the "
+        "images' (median difference {:.2f} deg, uncorrected {:.2f} deg); expected one clock for both: correct its "
+        "stamps. Option check_conventions=false skips this check",
+        odometry, 100 * std::abs(clock.rate), clock.rate < 0 ? "faster" : "slower", clock.off_after_rad * kRadToDeg,
+        clock.off_before_rad * kRadToDeg);
+  }
   return fmt::format(
       "{}: its clock is {:+.2f} s off the images' (1 sigma {:.2f} s): with its stamps corrected its rotations agree "
       "with the images' (median difference {:.2f} deg, uncorrected {:.2f} deg); expected one clock for both: write "

@@ -21,12 +21,24 @@ constexpr double kSignificantChi2 = 25, kAllowedChi2 = 9;  // against the best o
 constexpr double kLeastOffset_s = 0.05;
 constexpr double kClearlyBetter = 2;  // times the median difference at the best offset
 
+int64_t FirstOf(const std::vector<MeasuredTurn>& turns) {
+  int64_t first = turns.front().a_ns;
+  for (const MeasuredTurn& turn : turns) first = std::min({first, turn.a_ns, turn.b_ns});
+  return first;
+}
+
 // Differences of rotation at an offset, of the turns that odometry covers; none where these are too few.
-std::vector<double> DifferencesAt(const Trajectory& odometry, const std::vector<MeasuredTurn>& turns, double offset_s) {
-  const int64_t offset_ns = std::llround(offset_s * 1e9);
+std::vector<double> DifferencesAt(const Trajectory& odometry, const std::vector<MeasuredTurn>& turns, double offset_s,
+                                  double rate = 0) {
+  const int64_t first_ns = FirstOf(turns);
+  // Of odometry, whose stamps get offset and rate, at an image's time.
+  const auto stamp = [&](int64_t image_ns) {
+    const double since_s = 1e-9 * static_cast<double>(image_ns - first_ns);
+    return first_ns + std::llround(1e9 * (since_s - offset_s) / (1 + rate));
+  };
   std::vector<double> off;
   for (const MeasuredTurn& turn : turns) {
-    const auto a = odometry.At(turn.a_ns - offset_ns, kGap_ns), b = odometry.At(turn.b_ns - offset_ns, kGap_ns);
+    const auto a = odometry.At(stamp(turn.a_ns), kGap_ns), b = odometry.At(stamp(turn.b_ns), kGap_ns);
     if (!a || !b) continue;
     const Eigen::Quaterniond b_from_a =
         turn.sensor_from_body * b->rotation.conjugate() * a->rotation * turn.sensor_from_body.conjugate();
@@ -62,7 +74,31 @@ double StepOf(const Trajectory& odometry) {
 struct Tried {
   double offset_s = 0;
   std::vector<double> off;
+  double rate = 0;
 };
+
+// A clock that runs at another rate, where the turns agree far better with it than with `near`.
+std::optional<Tried> FindRate(const Trajectory& odometry, const std::vector<MeasuredTurn>& turns, double most_s,
+                              const std::vector<double>& near) {
+  constexpr int kRates = 10;
+  constexpr double kRateStep = 0.005;
+  const auto best_of = [](const Tried& a, const Tried& b) { return Median(a.off) < Median(b.off); };
+  std::vector<Tried> tried;
+  const int steps = static_cast<int>(most_s / kCoarse_s);
+  for (int r = -kRates; r <= kRates; ++r) {
+    for (int k = -steps; k <= steps && r != 0; ++k) {
+      Tried t{k * kCoarse_s, DifferencesAt(odometry, turns, k * kCoarse_s, r * kRateStep), r * kRateStep};
+      if (!t.off.empty()) tried.push_back(std::move(t));
+    }
+  }
+  if (tried.empty() || near.empty()) return std::nullopt;
+  Tried best = *std::min_element(tried.begin(), tried.end(), best_of);
+  const double noise = std::max(kLeastNoise_rad, Median(best.off) / kMedianOfChi3);
+  const size_t independent = IndependentOf(turns);
+  const bool far_better = Chi2Of(near, noise, independent) > Chi2Of(best.off, noise, independent) + kSignificantChi2;
+  if (!far_better || !(Median(near) > kClearlyBetter * Median(best.off))) return std::nullopt;
+  return best;
+}
 
 // The one with the least median; for a tie the smaller offset.
 const Tried* BestOf(const std::vector<Tried>& tried) {
@@ -126,6 +162,12 @@ std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const
   }
   clock.significant = !clock.agrees && (near.off.empty() || (Median(near.off) > kClearlyBetter * clock.off_after_rad &&
                                                              chi2(near) > chi2(best) + kSignificantChi2));
+  if (clock.agrees) return clock;
+  if (const auto other = FindRate(odometry, turns, most_s, clock.significant ? best.off : near.off)) {
+    clock.offset_s = other->offset_s, clock.rate = other->rate;
+    clock.off_after_rad = Median(other->off);
+    clock.significant = true;
+  }
   return clock;
 }
 

@@ -20,7 +20,8 @@ struct MeasuredTurn {
 };
 
 struct OdometryClock {
-  double offset_s = 0;  // to be added to odometry's stamps
+  double offset_s = 0;  // to be added to odometry's stamps; with a rate, at the first turn
+  double rate = 0;      // seconds that are to be added for each second after it; 0 unless significant
   double sigma_s = 0;   // 1 sigma, from all offsets that the turns allow and the step of odometry
   double off_before_rad = 0, off_after_rad = 0;  // median difference of rotation without and with the offset
   bool agrees = false;                           // no offset lies within three sigma, or within 0.05 s
@@ -29,7 +30,8 @@ struct OdometryClock {
 
 // The offset within +-`most_s` with which odometry turns as the images do. Nothing where fewer than eight turns can be
 // compared. The noise of the turns is found from their residuals at the best offset; a turn counts for no more than
-// sqrt(12) sigma, and the turns between n images for at most n - 1 independent ones. Linear in turns and offsets tried.
+// sqrt(12) sigma, and the turns between n images for at most n - 1 independent ones. Where no single offset makes them
+// agree, rates of up to 5 % are tried, too. Linear in turns and offsets tried.
 std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const std::vector<MeasuredTurn>& turns,
                                                double most_s);
 

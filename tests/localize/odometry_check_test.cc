@@ -190,33 +190,55 @@ TEST(OdometryCheck, NamesImagesThatAreOnePicture) {
   EXPECT_NE(ContradictionOf(drive).find("show the same picture"), std::string::npos) << ContradictionOf(drive);
 }
 
+// A minute of odometry that turns unevenly, with its stamps and turns that images would show.
+struct ClockedDrive {
+  Trajectory odometry;
+  std::vector<MeasuredTurn> turns;
+};
+
+ClockedDrive MakeClockedDrive(double offset_s, double rate, Random* random) {
+  ClockedDrive drive;
+  const auto heading = [](double t) { return 0.9 * std::sin(0.4 * t) + 0.5 * std::sin(0.23 * t + 1); };
+  const Eigen::Quaterniond cam_from_body(0.5, 0.5, -0.5, 0.5);
+  const auto body = [&](double t) {
+    return Eigen::Quaterniond(Eigen::AngleAxisd(heading(t), Eigen::Vector3d::UnitZ()));
+  };
+  for (int k = 0; k <= 600; ++k) {
+    const double t = 0.1 * k;
+    drive.odometry.poses.push_back({std::llround(1e9 * (t / (1 + rate) - offset_s)), Rigid3d(body(t), {t, 0, 0})});
+  }
+  for (int k = 0; k < 55; ++k) {
+    const double a = k + 0.2, b = a + 0.8;
+    const Eigen::Vector3d noise = 0.005 * Eigen::Vector3d(random->Normal(), random->Normal(), random->Normal());
+    drive.turns.push_back({std::llround(1e9 * a), std::llround(1e9 * b), cam_from_body,
+                           ExpSO3(noise) * cam_from_body * body(b).conjugate() * body(a) * cam_from_body.conjugate()});
+  }
+  return drive;
+}
+
 // Turns that change: a second of another clock shows. Where the body turns evenly nothing can be known.
 TEST(OdometryClock, IsFoundFromTurns) {
   Random random(5);
   for (const double offset_s : {-3.0, -0.4, 0.0, 0.7, 6.0}) {
-    Trajectory odometry;
-    std::vector<MeasuredTurn> turns;
-    const auto heading = [](double t) { return 0.9 * std::sin(0.4 * t) + 0.5 * std::sin(0.23 * t + 1); };
-    const Eigen::Quaterniond cam_from_body(0.5, 0.5, -0.5, 0.5);
-    const auto body = [&](double t) {
-      return Eigen::Quaterniond(Eigen::AngleAxisd(heading(t), Eigen::Vector3d::UnitZ()));
-    };
-    for (int k = 0; k <= 600; ++k) {
-      const double t = 0.1 * k;
-      odometry.poses.push_back({std::llround(1e9 * (t - offset_s)), Rigid3d(body(t), {t, 0, 0})});
-    }
-    for (int k = 0; k < 55; ++k) {
-      const double a = k + 0.2, b = a + 0.8;
-      const Eigen::Vector3d noise = 0.005 * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal());
-      turns.push_back({std::llround(1e9 * a), std::llround(1e9 * b), cam_from_body,
-                       ExpSO3(noise) * cam_from_body * body(b).conjugate() * body(a) * cam_from_body.conjugate()});
-    }
+    const auto [odometry, turns] = MakeClockedDrive(offset_s, 0, &random);
     const auto clock = FindOdometryClock(odometry, turns, 10);
     ASSERT_TRUE(clock);
     EXPECT_NEAR(clock->offset_s, offset_s, 3.5 * clock->sigma_s);
     EXPECT_LT(clock->sigma_s, 0.1);
     EXPECT_EQ(clock->significant, offset_s != 0);
+    EXPECT_EQ(clock->rate, 0);
     EXPECT_FALSE(FindOdometryClock(odometry, {turns.begin(), turns.begin() + 5}, 10));
+  }
+}
+
+TEST(OdometryClock, ThatRunsAtAnotherRateIsFound) {
+  Random random(6);
+  for (const double rate : {-0.04, 0.03, 0.045}) {
+    const auto [odometry, turns] = MakeClockedDrive(0.3, rate, &random);
+    const auto clock = FindOdometryClock(odometry, turns, 10);
+    ASSERT_TRUE(clock);
+    EXPECT_TRUE(clock->significant) << rate;
+    EXPECT_NEAR(clock->rate, rate, 0.006);
   }
 }
 
