@@ -485,6 +485,12 @@ struct OtherScale {
   // How many of its sigmas the disagreement is.
   double Excess() const { return std::abs(factor - 1) / std::hypot(sigma, stated_sigma); }
   std::string Describe() const {
+    if (factor < 3 * sigma) {
+      return fmt::format(
+          "the positions of the geotags, or of GPS, hardly differ, although the run moves: by them true lengths are "
+          "{:.2g} +- {:.2g} times those of odometry; check whether they were recorded",
+          factor, sigma);
+    }
     const std::string unit = IsSure() ? UnitOfLength(factor, std::max(0.02, 3 * sigma / factor)) : "";
     return fmt::format(
         "the geotags agree with each other only if true lengths are {:.4g} +- {:.2g} times those of odometry, which "

@@ -408,7 +408,7 @@ TEST_F(FieldCheck, TheWatchedPageFollowsTheFolder) {
   for (size_t i = 20; i < images_.size(); ++i) fs::remove(images_[i]);
   const Program watch({"check", site_.string(), "--watch"});
   const auto wait_for = [&](size_t number, const std::string& of = "pictures") {
-    for (int k = 0; k < 600; ++k) {
+    for (int k = 0; k < 3000; ++k) {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
       const fs::path file = site_ / "results/check/summary.json";
       if (!fs::exists(file)) continue;

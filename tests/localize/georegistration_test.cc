@@ -214,6 +214,18 @@ TEST(GeoRegistration, HeadingsThatAreAllOffWidenTheTurn) {
   }
 }
 
+// As of a receiver that never got a fix after its first.
+TEST(GeoRegistration, PositionsThatAreAllOneAreNoOtherUnit) {
+  Site site = MakeSite(7, 0);
+  for (GeoObservation& o : site.observations) {
+    o.position = site.observations.front().position;
+    o.has_heading = o.has_tilt = false;
+  }
+  const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
+  EXPECT_FALSE(geo.solved);
+  EXPECT_NE(geo.reason.find("hardly differ, although the run moves"), std::string::npos) << geo.reason;
+}
+
 // Where positions show the turn much better than the headings disagree with it.
 TEST(GeoRegistration, HeadingsFromMagneticNorthAreTold) {
   Site site = MakeSite(8, 0);
