@@ -472,10 +472,12 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
   if (const auto other = FindPointReading(map, stated, as_is, std::min({0.2 * as_is, near, without_worst}))) {
     return {*other};
   }
+  // Points that are farther from the map than it is wide place nothing.
   findings.push_back(
-      {false, fmt::format("control_points.csv: the surveyed points fit the starting map only to {:.2f} m "
-                          "over {:.1f} m: check for a wrong id, a wrong tag size or poor odometry",
-                          as_is, extent)});
+      {as_is > extent, fmt::format("control_points.csv: the surveyed points fit the starting map only to "
+                                   "{:.2f} m over {:.1f} m: check for a wrong coordinate or id, a wrong "
+                                   "tag size or poor odometry",
+                                   as_is, extent)});
   return findings;
 }
 
