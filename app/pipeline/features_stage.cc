@@ -8,8 +8,8 @@
 namespace trigpoint {
 namespace {
 
-constexpr int kVersion = 4, kReferencesVersion = 4;
-constexpr int kSameFeatures = 4, kSameReferences = 4;  // versions since these find the same features
+constexpr int kVersion = 5, kReferencesVersion = 5;
+constexpr int kSameFeatures = 5, kSameReferences = 5;  // versions since these find the same features
 
 nlohmann::json Metrics(const ExtractionReport& report) {
   return {{"pictures", report.pictures}, {"features", report.features}, {"skipped", report.skipped}};

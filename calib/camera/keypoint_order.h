@@ -9,16 +9,25 @@
 
 namespace trigpoint {
 
-// Indices of keypoints, strongest first. A total order: the result does not depend on the detector's threads.
-inline std::vector<int> StrongestFirst(const std::vector<cv::KeyPoint>& keypoints) {
+// Indices of keypoints, those of the greatest `strength(keypoint)` first. A total order: the result does not depend on
+// the detector's threads.
+template <typename Strength>
+std::vector<int> StrongestFirst(const std::vector<cv::KeyPoint>& keypoints, const Strength& strength) {
   std::vector<int> order(keypoints.size());
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int i, int j) {
     const cv::KeyPoint &a = keypoints[static_cast<size_t>(i)], &b = keypoints[static_cast<size_t>(j)];
-    return std::tie(b.response, a.pt.x, a.pt.y, a.size, a.angle) <
-           std::tie(a.response, b.pt.x, b.pt.y, b.size, b.angle);
+    const float of_a = strength(a), of_b = strength(b);
+    return std::tie(of_b, a.pt.x, a.pt.y, a.size, a.angle) < std::tie(of_a, b.pt.x, b.pt.y, b.size, b.angle);
   });
   return order;
 }
+
+inline float Contrast(const cv::KeyPoint& k) { return k.response; }
+
+// Contrast over noise, up to a factor: of white noise of the pixels, smoothing to a feature's scale leaves a share that
+// falls with the scale. By contrast alone, large textured pictures keep their finest details, of which other pictures
+// show few.
+inline float ContrastOverNoise(const cv::KeyPoint& k) { return k.response * k.size; }
 
 }  // namespace trigpoint

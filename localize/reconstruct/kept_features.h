@@ -24,7 +24,6 @@ struct FeatureStageOptions {
   FeatureOptions references;  // of views and photos
   ViewOptions views;          // of panoramas
 
-  FeatureStageOptions() { references.max_features = 4000; }
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
     visit(self.images, {"images", "", 0, 0, "features of the run's images"});

@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "survey/panorama/shrunk_picture.h"
+#include "calib/camera/shrunk_picture.h"
 
 namespace trigpoint {
 namespace {

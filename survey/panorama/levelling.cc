@@ -10,7 +10,7 @@
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
 #include "calib/geo/geodetic.h"
-#include "survey/panorama/shrunk_picture.h"
+#include "calib/camera/shrunk_picture.h"
 
 namespace trigpoint {
 namespace {

@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "survey/panorama/shrunk_picture.h"
+#include "calib/camera/shrunk_picture.h"
 
 namespace trigpoint {
 

@@ -62,7 +62,7 @@ PhotoFeatures FindPhotoFeatures(const ShrunkPicture& grey, int most, const std::
   // A low contrast threshold: skies and lawns are what a panorama has to be tied over.
   cv::SIFT::create(most, 3, 0.02, 12, 1.6, CV_8U)->detectAndCompute(grey.picture, mask, keypoints, sift);
   PhotoFeatures features;
-  for (int i : StrongestFirst(keypoints)) {
+  for (int i : StrongestFirst(keypoints, Contrast)) {
     const cv::KeyPoint& k = keypoints[static_cast<size_t>(i)];
     features.points.emplace_back(grey.ToFull(FromOpenCvSiftPixel({k.pt.x, k.pt.y})).cast<float>());
     features.scales.push_back(static_cast<float>(0.5 * k.size * full_per_pixel));

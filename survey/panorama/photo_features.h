@@ -11,7 +11,7 @@
 
 #include "calib/base/nearest_rows.h"
 #include "survey/panorama/image_circle.h"
-#include "survey/panorama/shrunk_picture.h"
+#include "calib/camera/shrunk_picture.h"
 
 namespace trigpoint {
 
