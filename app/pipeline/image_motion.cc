@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
@@ -10,7 +11,10 @@
 
 #include "calib/base/error.h"
 #include "calib/base/median.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/alignment.h"
 #include "datasets/io/camchain.h"
+#include "datasets/io/gps.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
@@ -43,30 +47,111 @@ std::vector<Eigen::Vector3d> TopsOf(const Run& run, const LocalizeInput& input) 
   return tops;
 }
 
-}  // namespace
+// Fixes at the times of a motion's poses.
+struct Fixed {
+  std::vector<Eigen::Vector3d> found, said;  // frame of the motion; east, north, up about the first fix, m
+  std::vector<GpsFix> fixes;
+};
 
-std::optional<double> LengthByGps(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion) {
+Fixed FixedPlaces(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion) {
   constexpr int64_t kSameTimeNs = 300'000'000;
-  constexpr double kSigmas = 3;  // the median of noise alone, 1.18 sigma, makes what is this long 8 % longer
-  if (gps.empty()) return {};
+  Fixed places;
+  if (gps.empty()) return places;
   const LocalFrame frame(gps.front().position);
-  std::vector<Eigen::Vector3d> found, said;
-  std::vector<double> sigmas;
   for (const GpsFix& fix : gps) {
     const auto near = std::min_element(motion.begin(), motion.end(), [&](const TimedPose& a, const TimedPose& b) {
       return std::llabs(a.stamp_ns - fix.stamp_ns) < std::llabs(b.stamp_ns - fix.stamp_ns);
     });
     if (near == motion.end() || std::llabs(near->stamp_ns - fix.stamp_ns) > kSameTimeNs) continue;
-    // In space: pictures that all look down with one heading do not show which way is up.
-    found.push_back(near->target_from_body.translation);
-    said.push_back(frame.EnuFromGeodetic(fix.position));
-    said.back().z() = 0;  // heights of fixes are the noisiest
-    sigmas.push_back(fix.sigma_h_m);
+    places.found.push_back(near->target_from_body.translation);
+    places.said.push_back(frame.EnuFromGeodetic(fix.position));
+    places.fixes.push_back(fix);
   }
-  if (found.size() < 3) return {};
-  const double true_m = ReachOf(said), in_units = ReachOf(found);
+  return places;
+}
+
+// Of a fix's height against those of the same receiver: how far the sea lies from the ellipsoid is the same for all.
+double RelativeHeightSigma(const GpsFix& fix) {
+  return fix.sigma_v_m == kUnknownGeoidSigma ? 2 * fix.sigma_h_m : fix.sigma_v_m;
+}
+
+std::optional<Sim3d> FitTo(const Fixed& places, const std::vector<size_t>& which) {
+  std::vector<Eigen::Vector3d> found, said;
+  for (size_t i : which) found.push_back(places.found[i]), said.push_back(places.said[i]);
+  try {
+    return AlignPoints(found, said, AlignmentKind::kSim3);
+  } catch (const NumericError&) {
+    return std::nullopt;
+  }
+}
+
+// Squared errors of a fit over what the fixes' sigmas allow.
+std::vector<double> SquaredErrors(const Fixed& places, const Sim3d& fit) {
+  std::vector<double> errors;
+  for (size_t i = 0; i < places.found.size(); ++i) {
+    const Eigen::Vector3d off = fit * places.found[i] - places.said[i];
+    errors.push_back(off.head<2>().squaredNorm() / std::pow(places.fixes[i].sigma_h_m, 2) +
+                     std::pow(off.z() / RelativeHeightSigma(places.fixes[i]), 2));
+  }
+  return errors;
+}
+
+// The fixes that agree with the best of the fits to three of them.
+std::vector<size_t> Agreeing(const Fixed& places) {
+  constexpr double kChi2 = 16.3;  // 99.9 %, three degrees of freedom
+  const size_t n = places.found.size();
+  std::vector<double> best;
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t step = 1; step <= n / 3; step = 2 * step) {
+      const auto fit = FitTo(places, {i, (i + step) % n, (i + n / 3 + step) % n});
+      if (!fit) continue;
+      std::vector<double> errors = SquaredErrors(places, *fit);
+      if (best.empty() || Median(errors) < Median(best)) best = std::move(errors);
+    }
+  }
+  std::vector<size_t> agree;
+  for (size_t i = 0; i < best.size(); ++i) {
+    if (best[i] < kChi2) agree.push_back(i);
+  }
+  return agree;
+}
+
+}  // namespace
+
+std::optional<double> LengthByGps(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion) {
+  constexpr double kSigmas = 3;  // the median of noise alone, 1.18 sigma, makes what is this long 8 % longer
+  Fixed places = FixedPlaces(gps, motion);
+  if (places.found.size() < 3) return {};
+  std::vector<double> sigmas;
+  for (const GpsFix& fix : places.fixes) sigmas.push_back(fix.sigma_h_m);
+  for (Eigen::Vector3d& said : places.said) said.z() = 0;  // heights of fixes are the noisiest
+  // In space: pictures that all look down with one heading do not show which way is up.
+  const double true_m = ReachOf(places.said), in_units = ReachOf(places.found);
   if (true_m < kSigmas * Median(std::move(sigmas)) || !(in_units > 0)) return {};
   return true_m / in_units;
+}
+
+std::optional<Eigen::Vector3d> UpByGps(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion) {
+  constexpr size_t kLeast = 5;
+  constexpr double kKnown_rad = 10 * kDegToRad;
+  const Fixed places = FixedPlaces(gps, motion);
+  const bool heights = std::all_of(places.fixes.begin(), places.fixes.end(),
+                                   [](const GpsFix& fix) { return fix.sigma_v_m < kUnknownHeightSigma; });
+  if (!heights) return {};
+  const std::vector<size_t> agree = Agreeing(places);
+  if (agree.size() < kLeast || 2 * agree.size() <= places.found.size()) return {};
+  const auto fit = FitTo(places, agree);
+  if (!fit) return {};
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+  for (size_t i : agree) middle += places.said[i].head<2>() / static_cast<double>(agree.size());
+  Eigen::Matrix2d information = Eigen::Matrix2d::Zero();  // of the slopes to east and north, by heights
+  for (size_t i : agree) {
+    const Eigen::Vector2d apart = (places.said[i].head<2>() - middle) / RelativeHeightSigma(places.fixes[i]);
+    information += apart * apart.transpose();
+  }
+  const double least = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(information).eigenvalues()(0);
+  if (!(least > 1 / (kKnown_rad * kKnown_rad))) return {};
+  return fit->rotation.conjugate() * Eigen::Vector3d::UnitZ();
 }
 
 namespace {
@@ -87,6 +172,17 @@ double ScaleSigmaOf(const std::filesystem::path& motion) {
   return ParseDouble(Trim(line.substr(at + std::string(kScaleSigma).size()))).value_or(kUnknownScaleSigma);
 }
 
+// Turns a motion that stands by its pictures' tops, where the run's GPS shows that it lies: they look down. Returns
+// what is to be said of it.
+std::string LevelByGps(const std::vector<GpsFix>& gps, std::vector<TimedPose>* motion) {
+  constexpr double kLies = 0.7;  // cosine, 45 deg: beyond what the tops of cameras held upright and GPS leave open
+  const auto up = UpByGps(gps, *motion);
+  if (!up || up->z() > kLies) return "";
+  const Rigid3d turn(Eigen::Quaterniond::FromTwoVectors(*up, Eigen::Vector3d::UnitZ()), Eigen::Vector3d::Zero());
+  for (TimedPose& pose : *motion) pose.target_from_body = turn * pose.target_from_body;
+  return "; its vertical is that of the run's GPS, as the tops of its pictures do not point up";
+}
+
 }  // namespace
 
 FoundMotion FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
@@ -100,14 +196,16 @@ FoundMotion FindImageMotion(const Run& run, const LocalizeJob& job, const Recons
   for (size_t i = 0; i < found.odom_from_body.size(); ++i) {
     if (found.odom_from_body[i]) poses.push_back({job.input.pose_stamps[i], *found.odom_from_body[i]});
   }
+  const std::string level = LevelByGps(run.gps, &poses);
   const std::optional<double> length = LengthByGps(run.gps, poses);
   for (TimedPose& pose : poses) pose.target_from_body.translation *= length.value_or(1);
   const std::string unit = length ? "m, by the run's GPS" : "unknown (the median distance of scene points is 10 units)";
   WriteTum(file, poses, HeaderOf(unit));
-  return {fmt::format("run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} "
-                      "pairs verified); its unit of length is ",
-                      run.name, found.placed, job.input.pose_stamps.size(), found.pairs_verified, found.pairs_tried),
-          unit};
+  return {
+      fmt::format("run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} "
+                  "pairs verified){}; its unit of length is ",
+                  run.name, found.placed, job.input.pose_stamps.size(), found.pairs_verified, found.pairs_tried, level),
+      unit};
 }
 
 void WriteMotion(const LocalizeJob& job, const BundleProblem& solved, const std::string& unit, double sigma_share,

@@ -25,6 +25,10 @@ inline constexpr const char* kFoundCamerasFile = "camchain.yaml";
 // Nothing where GPS does not show more than its own noise. A few wrong fixes do not matter.
 std::optional<double> LengthByGps(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion);
 
+// Which way is up in the frame of images' own motion, by the places of its poses in space: unit. Heights above the sea
+// count against each other. Nothing where the fixes do not show it to 10 deg (1 sigma), or most contradict the motion.
+std::optional<Eigen::Vector3d> UpByGps(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion);
+
 // What to warn of, a sentence that ends with the unit.
 struct FoundMotion {
   std::string text, unit;

@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "app/pipeline/survey_input.h"
+#include "datasets/io/gps.h"
 #include "tests/datasets/io_temp_dir.h"
 #include "tests/datasets/project_folder.h"
 
@@ -52,6 +53,31 @@ TEST(LengthByGps, IsThatOfMostFixes) {
   }
   ASSERT_TRUE(LengthByGps(walk.gps, walk.motion));
   EXPECT_NEAR(*LengthByGps(walk.gps, walk.motion), kTrueLength, 1e-3);
+}
+
+// Strips of pictures straight down, all with one heading: by their tops, the motion stands on its side.
+TEST(UpByGps, IsThatOfMostFixes) {
+  const Walk corner = MakeWalk(5);
+  EXPECT_GT(UpByGps(corner.gps, corner.motion)->z(), 0.999);
+  Walk strips = corner;
+  for (TimedPose& pose : strips.motion) {
+    const Eigen::Vector3d level = pose.target_from_body.translation;
+    pose.target_from_body.translation = {-level.z(), -level.y(), level.x()};
+  }
+  // The sea may lie 50 m from the ellipsoid, but everywhere by the same. One fix is kilometres off.
+  for (GpsFix& fix : strips.gps) fix.sigma_v_m = kUnknownGeoidSigma;
+  strips.gps[3].position.latitude_deg += 0.05;
+  ASSERT_TRUE(UpByGps(strips.gps, strips.motion));
+  EXPECT_NEAR(UpByGps(strips.gps, strips.motion)->x(), -1, 1e-3);
+  // A line shows no tilt about itself, nor do fixes without heights or as far apart as their noise.
+  Walk line = corner;
+  line.gps.resize(10);
+  EXPECT_FALSE(UpByGps(line.gps, line.motion));
+  for (GpsFix& fix : strips.gps) fix.sigma_v_m = kUnknownHeightSigma;
+  EXPECT_FALSE(UpByGps(strips.gps, strips.motion));
+  Walk noisy = corner;
+  for (GpsFix& fix : noisy.gps) fix.sigma_v_m = 100;
+  EXPECT_FALSE(UpByGps(noisy.gps, noisy.motion));
 }
 
 TEST(FollowReconstruction, TakesOverHowWellTheLengthOfAMotionIsKnown) {
