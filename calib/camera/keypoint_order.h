@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <opencv2/core/types.hpp>
 #include <tuple>
@@ -25,9 +26,10 @@ std::vector<int> StrongestFirst(const std::vector<cv::KeyPoint>& keypoints, cons
 
 inline float Contrast(const cv::KeyPoint& k) { return k.response; }
 
-// Contrast over noise, up to a factor: of white noise of the pixels, smoothing to a feature's scale leaves a share that
-// falls with the scale. By contrast alone, large textured pictures keep their finest details, of which other pictures
-// show few.
-inline float ContrastOverNoise(const cv::KeyPoint& k) { return k.response * k.size; }
+// Contrast over noise and over the error of a place, up to a factor: smoothing to a feature's scale leaves a share of
+// the pixels' noise that falls with the scale, and residuals on photos grow by its root (0.11 and 0.16 px at scales
+// of 1.2 px, 0.32 and 0.39 px at 13 px). By contrast alone, large textured pictures keep their finest details, of which
+// others show few; over noise alone, panoramas' views lose those by which they are placed from afar.
+inline float ContrastOverError(const cv::KeyPoint& k) { return k.response * std::sqrt(k.size); }
 
 }  // namespace trigpoint

@@ -36,7 +36,7 @@ FeatureSet ExtractFeatures(const cv::Mat& grey, const cv::Mat& mask, const Featu
   cv::Mat descriptors;
   // Together: the scale space is built once.
   sift->detectAndCompute(small.picture, counts, keypoints, descriptors);
-  std::vector<int> order = StrongestFirst(keypoints, ContrastOverNoise);
+  std::vector<int> order = StrongestFirst(keypoints, ContrastOverError);
   order.resize(std::min(order.size(), static_cast<size_t>(options.max_features)));
   FeatureSet features;
   features.descriptors = cv::Mat::zeros(static_cast<int>(order.size()), 128, CV_8U);

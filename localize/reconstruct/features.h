@@ -1,4 +1,4 @@
-// Local features: SIFT, those of each image that stand out most from its noise.
+// Local features: SIFT, those of each image that are the clearest for their scale.
 #pragma once
 
 #include <opencv2/core/mat.hpp>
@@ -9,15 +9,16 @@
 namespace trigpoint {
 
 struct FeatureOptions {
-  int max_features = 4000;           // features kept an image, by contrast over noise
+  int max_features = 4000;           // features kept an image, the clearest for their scale
   double contrast_threshold = 0.03;  // SIFT contrast threshold; lower finds more, weaker features
   double edge_threshold = 10;        // SIFT edge threshold
 
   template <typename Self, typename Visitor>
   static void Visit(Self& self, Visitor&& visit) {
-    visit(self.max_features, {"max_features", "", 50, 50000,
-                              "features kept of each image: those whose contrast is greatest against the noise at "
-                              "their scale. Pictures of more than 1,000 pixels for each are reduced"});
+    visit(self.max_features,
+          {"max_features", "", 50, 50000,
+           "features kept of each image, the clearest for their scale; pictures of more than 1,000 pixels for each "
+           "are reduced"});
     visit(self.contrast_threshold, {"contrast_threshold", "", 0.001, 0.2, "SIFT contrast threshold"});
     visit(self.edge_threshold, {"edge_threshold", "", 1, 100, "SIFT edge threshold"});
   }

@@ -62,7 +62,7 @@ TEST(UpByGps, IsThatOfMostFixes) {
   Walk strips = corner;
   for (TimedPose& pose : strips.motion) {
     const Eigen::Vector3d level = pose.target_from_body.translation;
-    pose.target_from_body.translation = {-level.z(), -level.y(), level.x()};
+    pose.target_from_body.translation = {-level.z(), level.y(), level.x()};
   }
   // The sea may lie 50 m from the ellipsoid, but everywhere by the same. One fix is kilometres off.
   for (GpsFix& fix : strips.gps) fix.sigma_v_m = kUnknownGeoidSigma;
