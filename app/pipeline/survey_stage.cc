@@ -246,7 +246,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
-    request.version = 18;
+    request.version = 19;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     request.values["detector"] = JsonFromOptions(DetectorOptions(project, target));

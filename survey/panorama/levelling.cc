@@ -9,8 +9,8 @@
 
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
-#include "calib/geo/geodetic.h"
 #include "calib/camera/shrunk_picture.h"
+#include "calib/geo/geodetic.h"
 
 namespace trigpoint {
 namespace {

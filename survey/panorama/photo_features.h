@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "calib/base/nearest_rows.h"
-#include "survey/panorama/image_circle.h"
 #include "calib/camera/shrunk_picture.h"
+#include "survey/panorama/image_circle.h"
 
 namespace trigpoint {
 

@@ -467,7 +467,7 @@ void MapSolver::DoubtDatum() {
                     : d.z() > 0 ? "above"
                                 : "below"));
   }
-  int points = 0, wrong = 0;
+  int points = 0, wrong = 0, checks = 0, wrong_checks = 0;
   // The smallest error of one point that explains all of it: what is found by leaving out another point than the wrong
   // one is many times that error where few points are left.
   double most = 0, single = std::numeric_limits<double>::infinity();
@@ -475,23 +475,30 @@ void MapSolver::DoubtDatum() {
   for (const PointAgreement& p : result_.points) {
     if (p.role == PointRole::kGeotag || p.excluded) continue;
     ++points;
+    checks += p.role == PointRole::kCheck;
     extent.extend(p.stated_m);
     if (p.chi2 <= kPointChi2) continue;
     ++wrong;
+    wrong_checks += p.role == PointRole::kCheck;
     most = std::max(most, p.error_m.norm());
     if (p.left_out_m) single = std::min(single, p.left_out_m->norm());
   }
   if (std::isfinite(single)) most = std::max(most, single);
-  if (points >= 3 && 2 * wrong > points) {
+  const bool most_wrong = points >= 3 && 2 * wrong > points;
+  // A map can be bent to three control points, so that they agree with it whatever is wrong.
+  const bool untested = points - checks < 4 && 2 * wrong_checks > checks;
+  if (most_wrong || untested) {
     // Exchanged points turn a site by any angle.
     constexpr double kTurned = 0.1;  // rad
     const double size = extent.diagonal().norm(), sigma = most > kTurned * size ? std::max(most, size) : most;
     bent = sigma * sigma * Eigen::Matrix3d::Identity();
-    Warn(
-        fmt::format("{} of {} control and check points contradict each other, by up to {:.3g} m, and the pictures do "
-                    "not show which is wrong: the difference is part of the tags' sigmas; check their coordinates and "
-                    "tags",
-                    wrong, points, most));
+    Warn(fmt::format(
+        "{} of {} {}, by up to {:.3g} m, and the pictures do not show which is wrong: the difference is part "
+        "of the tags' sigmas; check their coordinates and tags",
+        most_wrong ? wrong : wrong_checks, most_wrong ? points : checks,
+        most_wrong ? "control and check points contradict each other"
+                   : "check points contradict control, of which fewer than four points are there",
+        most));
   }
   for (TagEstimate& tag : result_.tags) {
     if (tag.HasPose()) tag.covariance.bottomRightCorner<3, 3>() += shifted + bent;
