@@ -281,7 +281,7 @@ void ImagesDesk::ShowSelected() {
   behind_ = !isVisible();
   if (in_image || behind_ || Highlighted().startsWith("detection:")) return;
   for (const std::string& related : workspace_->related()) {
-    if (related.starts_with("tag:")) return ShowTag(std::stoi(related.substr(4)));
+    if (const auto tag = TagOf(related)) return ShowTag(*tag);
   }
 }
 
@@ -546,8 +546,8 @@ bool ImagesDesk::ShowObject(const QString& object) {
     bool shown = false;
     for (const std::string& related : snapshot->Related(object.toStdString())) {
       if (related.starts_with("panorama:")) shown |= ShowObject(QString::fromStdString(related));
-      if (related.starts_with("tag:")) {
-        ShowTag(std::stoi(related.substr(4)));
+      if (const auto tag = TagOf(related)) {
+        ShowTag(*tag);
         shown = true;
       }
     }

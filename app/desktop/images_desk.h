@@ -96,6 +96,8 @@ class ImagesDesk : public QWidget {
   void ConnectMarks();
   void AddMarks(std::vector<PictureMark>* marks);  // to what is drawn
   void AddMatches(std::vector<PictureMark>* left, std::vector<PictureMark>* right);
+  // The number of a tag's object; nothing for others, and for surveyed points, which have names.
+  static std::optional<int> TagOf(const std::string& object);
   int SelectedTag() const;  // -1: none
   void Redraw();
   void ShowSelected();  // on any desk

@@ -12,6 +12,7 @@
 #include "app/desktop/picture_view.h"
 #include "app/pipeline/marking.h"
 #include "calib/base/error.h"
+#include "datasets/io/text.h"
 
 namespace trigpoint {
 
@@ -245,9 +246,15 @@ void ImagesDesk::AddMarks(std::vector<PictureMark>* marks) {
   confirm_->setEnabled(true);
 }
 
+std::optional<int> ImagesDesk::TagOf(const std::string& object) {
+  if (!object.starts_with("tag:")) return std::nullopt;
+  const std::optional<int64_t> number = ParseInt(object.substr(4));
+  return number ? std::optional<int>(static_cast<int>(*number)) : std::nullopt;
+}
+
 int ImagesDesk::SelectedTag() const {
   for (const std::string& related : workspace_->related()) {
-    if (related.starts_with("tag:")) return std::stoi(related.substr(4));
+    if (const auto tag = TagOf(related)) return *tag;
   }
   return -1;
 }

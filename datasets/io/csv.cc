@@ -299,6 +299,8 @@ void CsvTable::ForEachUsable(std::vector<std::string>* warnings, const std::func
   constexpr size_t kNamed = 10;
   std::optional<InputError> first;
   size_t skipped = 0;
+  std::vector<std::string> unsaid;  // the stage that reads the table says it
+  if (warnings == nullptr) warnings = &unsaid;
   for (const CsvRow& row : rows_) {
     try {
       use(row);
