@@ -5,9 +5,9 @@
 
 #include "app/cli/field_commands.h"
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/print.h"
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
+#include "eval/print/printed.h"
 #include "survey/tags/tag_family.h"
 
 namespace trigpoint {

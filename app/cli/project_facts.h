@@ -2,8 +2,8 @@
 #pragma once
 
 #include "app/cli/ending.h"
-#include "app/pipeline/display_unit.h"
 #include "datasets/project/project.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 

@@ -5,7 +5,7 @@
 #include <QImage>
 #include <QTemporaryDir>
 
-#include "app/pipeline/print.h"
+#include "eval/print/printed.h"
 
 namespace trigpoint {
 

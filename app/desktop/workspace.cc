@@ -4,7 +4,7 @@
 
 #include "app/desktop/background.h"
 #include "app/desktop/inspector.h"
-#include "app/pipeline/display_unit.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 

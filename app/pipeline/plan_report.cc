@@ -6,12 +6,12 @@
 #include <cmath>
 #include <limits>
 
-#include "app/pipeline/display_unit.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/report/document.h"
 #include "eval/report/plan.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 namespace {

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "app/pipeline/drawing_memory.h"
 #include "app/pipeline/plan_choices.h"
 #include "app/pipeline/plan_report.h"
 #include "datasets/io/text.h"
+#include "eval/report/drawing_memory.h"
 #include "eval/scene/scene_model.h"
 
 namespace trigpoint {

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <set>
 
-#include "app/pipeline/drawing_memory.h"
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/reference_parts.h"
@@ -14,6 +13,7 @@
 #include "calib/base/counted.h"
 #include "calib/base/parallel.h"
 #include "eval/release/versions.h"
+#include "eval/report/drawing_memory.h"
 #include "eval/report/report.h"
 
 namespace trigpoint {

@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <string>
 
-#include "app/pipeline/display_unit.h"
 #include "datasets/project/options_json.h"
+#include "eval/text/display_unit.h"
 #include "localize/site/adjust_site.h"
 
 namespace trigpoint {

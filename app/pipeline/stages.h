@@ -27,9 +27,9 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/display_unit.h"
 #include "datasets/project/options_json.h"
 #include "datasets/project/stage.h"
+#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 

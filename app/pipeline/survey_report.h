@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "app/pipeline/display_unit.h"
 #include "app/pipeline/survey_input.h"
+#include "eval/text/display_unit.h"
 #include "survey/tags/map_compare.h"
 #include "survey/tags/station_offset.h"
 

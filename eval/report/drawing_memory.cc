@@ -1,4 +1,4 @@
-#include "app/pipeline/drawing_memory.h"
+#include "eval/report/drawing_memory.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "app/pipeline/display_unit.h"
+#include "eval/text/display_unit.h"
 
 #include "calib/base/error.h"
 

@@ -1,4 +1,4 @@
-#include "app/pipeline/print.h"
+#include "eval/print/printed.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,6 @@
 #include <map>
 #include <set>
 
-#include "app/pipeline/drawing_memory.h"
 #include "datasets/calibration/target_file.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/tables.h"
@@ -18,6 +17,7 @@
 #include "datasets/project/lock.h"
 #include "datasets/project/outputs.h"
 #include "datasets/project/replaced.h"
+#include "eval/report/drawing_memory.h"
 
 namespace trigpoint {
 namespace {
