@@ -20,10 +20,10 @@
 #include "app/desktop/number_item.h"
 #include "app/desktop/object_table.h"
 #include "app/pipeline/jobs.h"
-#include "app/pipeline/plan_report.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
+#include "eval/plan/page.h"
 #include "eval/report/plan.h"
 
 namespace trigpoint {

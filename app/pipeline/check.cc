@@ -8,6 +8,7 @@
 
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/reference_tags.h"
+#include "app/pipeline/stages.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/photo_sets.h"

@@ -10,9 +10,9 @@
 
 #include "app/pipeline/check_intake.h"
 #include "app/pipeline/check_pairs.h"
-#include "app/pipeline/plan_report.h"
 #include "app/pipeline/survey_input.h"
 #include "datasets/project/forked.h"
+#include "eval/plan/map.h"
 #include "eval/text/display_unit.h"
 #include "survey/field/advice.h"
 #include "survey/field/findings.h"

@@ -1,7 +1,7 @@
 // plan: the accuracy that a survey would state, before the trip.
 #pragma once
 
-#include "app/pipeline/plan_layout.h"
+#include "app/pipeline/stages.h"
 
 namespace trigpoint {
 

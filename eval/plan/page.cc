@@ -1,17 +1,18 @@
-#include "app/pipeline/plan_report.h"
+#include "eval/plan/page.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "eval/plan/map.h"
 #include "eval/report/document.h"
 #include "eval/report/plan.h"
-#include "eval/text/display_unit.h"
 
 namespace trigpoint {
 namespace {
@@ -481,60 +482,30 @@ Document PageOf(const PlanFindings& f, const Drawing& map, const nlohmann::json&
   for (const auto& [tag_id, why] : f.unseen) {
     page.blocks.push_back(Paragraph{fmt::format("Tag {} has no prediction: {}.", tag_id, why), Tone::kBad});
   }
-  page.blocks.push_back(Heading{2, "Map", "map"});
-  page.blocks.push_back(Figure{"map", "Tags, planned paths and predicted 95 % ellipses.", map});
-  page.blocks.push_back(Heading{2, "Tags", "tags"});
-  page.blocks.push_back(TagTable(f));
+  const auto section = [&](const char* title, const char* anchor, Block block) {
+    page.blocks.push_back(Heading{2, title, anchor});
+    page.blocks.push_back(std::move(block));
+  };
+  section("Map", "map", Figure{"map", "Tags, planned paths and predicted 95 % ellipses.", map});
+  section("Tags", "tags", TagTable(f));
   page.blocks.push_back(SightParagraph(p.sights));
-  if (!f.layout.stations.empty()) {
-    page.blocks.push_back(Heading{2, "Stations", "stations"});
-    page.blocks.push_back(StationTable(f));
-  }
-  if (!f.panoramas.empty()) {
-    page.blocks.push_back(Heading{2, "Panoramas", "panoramas"});
-    page.blocks.push_back(PanoramaTable(f));
-  }
-  if (!p.points.empty()) {
-    page.blocks.push_back(Heading{2, "Known points", "points"});
-    page.blocks.push_back(PointTable(f));
-  }
-  if (!p.distances.empty()) {
-    page.blocks.push_back(Heading{2, "Distances", "distances"});
-    page.blocks.push_back(DistanceTable(f));
-  }
+  if (!f.layout.stations.empty()) section("Stations", "stations", StationTable(f));
+  if (!f.panoramas.empty()) section("Panoramas", "panoramas", PanoramaTable(f));
+  if (!p.points.empty()) section("Known points", "points", PointTable(f));
+  if (!p.distances.empty()) section("Distances", "distances", DistanceTable(f));
   if (f.suggestions.empty() && !f.suggestion_note.empty()) {
     page.blocks.push_back(Paragraph{"No suggestion: " + f.suggestion_note, Tone::kWarning});
   }
   if (!f.suggestions.empty()) {
-    page.blocks.push_back(Heading{2, "Suggestion", "suggestion"});
-    page.blocks.push_back(GainTable(f.suggestions, p, "After each, in this order; " + f.suggestion_note));
+    section("Suggestion", "suggestion", GainTable(f.suggestions, p, "After each, in this order; " + f.suggestion_note));
   }
-  page.blocks.push_back(Heading{2, "Gain of one more tag, point or pass", "gains"});
-  page.blocks.push_back(
-      GainTable(f.gains, p, fmt::format("Each alone, best first; now {:.2f} mm", kMm * p.RmsSigma())));
-  page.blocks.push_back(Heading{2, "Assumptions", "assumptions"});
-  page.blocks.push_back(AssumptionParagraph(f));
+  section("Gain of one more tag, point or pass", "gains",
+          GainTable(f.gains, p, fmt::format("Each alone, best first; now {:.2f} mm", kMm * p.RmsSigma())));
+  section("Assumptions", "assumptions", AssumptionParagraph(f));
   return page;
 }
 
 }  // namespace
-
-double PlanGain::Before(const NetworkPrediction& plan) const {
-  return in_world == plan.in_world ? plan.RmsSigma() : kInfinite;
-}
-
-bool PlanGain::Helps(const NetworkPrediction& plan) const { return rms_after_m < kSameRms * Before(plan); }
-
-double TagSigma(const TagPrediction& tag) { return tag.Sigma().norm(); }
-double BodySigma(const BodyPrediction& body) {
-  return std::sqrt(std::max(0.0, body.covariance.diagonal().tail<3>().sum()));
-}
-
-double Percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  return values[static_cast<size_t>(share * static_cast<double>(values.size() - 1) + 0.5)];
-}
 
 void WritePlan(const PlanFindings& findings, const fs::path& folder) {
   WriteTagsTable(findings, folder / "tags.csv");

@@ -1,4 +1,4 @@
-#include "app/pipeline/plan_choices.h"
+#include "eval/plan/choices.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "app/pipeline/plan_layout.h"
+#include "eval/plan/layout.h"
 
 #include <fmt/format.h>
 
@@ -7,11 +7,9 @@
 #include <cmath>
 #include <sstream>
 
-#include "app/pipeline/survey_input.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "datasets/io/camchain.h"
-#include "datasets/io/site_sketch.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
@@ -22,26 +20,6 @@ namespace fs = std::filesystem;
 constexpr double kRefSide_px = 100;     // of NetworkOptions::corner_sigma_px
 constexpr double kUnknown_m = 1e4;      // 1 sigma of a height that no geotag has
 constexpr double kMostPictures = 5000;  // of a sketched path: more are a mistake, and take hours
-
-bool AddsToSurvey(const Project& project, const std::vector<SketchItem>& items) {
-  return !SurveyRuns(project).empty() &&
-         std::none_of(items.begin(), items.end(), [](const SketchItem& item) { return item.kind == "tag"; });
-}
-
-// Of the sketch, or nothing.
-fs::path SketchFile(const Project& project, const PlanOptions& options) {
-  if (!options.sketch.empty()) {
-    const fs::path file = project.dir() / options.sketch;
-    if (!fs::is_regular_file(file)) {
-      throw InputError(file.string() + ": no such sketch; expected a CSV or GeoJSON file (docs/file_formats.md)");
-    }
-    return file;
-  }
-  for (const char* name : {"plan.csv", "plan.geojson"}) {
-    if (fs::is_regular_file(project.dir() / name)) return project.dir() / name;
-  }
-  return {};
-}
 
 std::vector<double> YawsOf(const PlanOptions& options) {
   std::istringstream text(options.camera_yaws_deg);
@@ -285,27 +263,31 @@ void AddPanoramas(const Project& project, PlanLayout* plan) {
   }
 }
 
-// The site as its survey runs show it: tags and odometry alone, which is enough to know where everything is.
-// `to_add`: a sketch that is added to it, which takes a datum.
-PlanLayout LayoutOfSurvey(const Project& project, const NetworkOptions& noise, const fs::path& to_add,
-                          StageContext& context) {
-  const TagSizes& tags = project.site().tags;
-  if (SurveyRuns(project).empty() || !tags.Given()) {
-    throw InputError(project.dir().string() +
-                     ": nothing to plan with; expected plan.csv or plan.geojson (docs/file_formats.md), or a site with "
-                     "tags (tags.yaml) and survey runs in which they are detected");
+}  // namespace
+
+fs::path SketchFile(const Project& project, const PlanOptions& options) {
+  if (!options.sketch.empty()) {
+    const fs::path file = project.dir() / options.sketch;
+    if (!fs::is_regular_file(file)) {
+      throw InputError(file.string() + ": no such sketch; expected a CSV or GeoJSON file (docs/file_formats.md)");
+    }
+    return file;
   }
-  SurveyStageOptions survey;
-  survey.tie_points = survey.photo_sets = survey.stations = survey.repeatability = false;
-  SurveyJob job = MakeSurveyJob(project, {}, survey, context);
-  for (const std::string& warning : job.warnings) context.progress.Log(LogLevel::kWarning, warning);
-  if (job.input.runs.empty()) {
-    throw InputError(project.dir().string() +
-                     ": no run has detections; run `trigpoint detect` first, or sketch the site "
-                     "in plan.csv");
+  for (const char* name : {"plan.csv", "plan.geojson"}) {
+    if (fs::is_regular_file(project.dir() / name)) return project.dir() / name;
   }
-  const SurveyResult map = SurveyTags(job.input, survey.map, context.threads, context.progress, context.cancel);
-  PlanLayout plan = LayoutOfMap(project, job.input, map, noise);
+  return {};
+}
+
+bool AddsToSurvey(const std::vector<SketchItem>& items, bool has_survey_runs) {
+  return has_survey_runs &&
+         std::none_of(items.begin(), items.end(), [](const SketchItem& item) { return item.kind == "tag"; });
+}
+
+PlanLayout LayoutOfSurvey(const Project& project, const SurveyInput& input, const NetworkOptions& noise,
+                          const fs::path& to_add, StageContext& context) {
+  const SurveyResult map = SurveyTags(input, SurveyOptions{}, context.threads, context.progress, context.cancel);
+  PlanLayout plan = LayoutOfMap(project, input, map, noise);
   AddPanoramas(project, &plan);
   if (to_add.empty() || map.in_world) return plan;
   throw InputError(to_add.string() +
@@ -313,32 +295,28 @@ PlanLayout LayoutOfSurvey(const Project& project, const NetworkOptions& noise, c
                    "site, or sketch its tags, too");
 }
 
-// A sketch without tags adds to the site as it was surveyed: paths, known points, places for tags.
-PlanLayout LayoutOfSketch(const Project& project, const fs::path& file, const PlanOptions& options,
-                          StageContext& context) {
-  const std::vector<SketchItem> items = ReadSiteSketch(file);
+PlanLayout LayoutOfSketch(const Project& project, const fs::path& file, const std::vector<SketchItem>& items,
+                          const PlanOptions& options, std::optional<PlanLayout> surveyed) {
   PlanLayout plan;
   plan.noise = options.network;
-  if (AddsToSurvey(project, items)) {
-    plan = LayoutOfSurvey(project, options.network, file, context);
+  if (surveyed) {
+    plan = *std::move(surveyed);
     plan.source = file.filename().string() + " and " + plan.source;
   } else {
     plan.source = file.filename().string();
     plan.network.sizes = project.site().tags;
   }
-  const size_t surveyed = plan.network.passes.size();
+  const size_t passes = plan.network.passes.size();
   SketchAdder(project, file, options, &plan).Add(items);
-  if (options.earlier_runs || surveyed == 0) return plan;
-  if (plan.network.passes.size() == surveyed) {
+  if (options.earlier_runs || passes == 0) return plan;
+  if (plan.network.passes.size() == passes) {
     throw InputError(file.string() + ": earlier_runs is false, and no path is sketched; expected a path");
   }
   plan.network.passes.erase(plan.network.passes.begin(),
-                            plan.network.passes.begin() + static_cast<std::ptrdiff_t>(surveyed));
+                            plan.network.passes.begin() + static_cast<std::ptrdiff_t>(passes));
   plan.source += ", its runs left out";
   return plan;
 }
-
-}  // namespace
 
 PlanLayout LayoutOfMap(const Project& project, const SurveyInput& input, const SurveyResult& map,
                        const NetworkOptions& noise) {
@@ -446,46 +424,6 @@ std::vector<TimedPose> PosesAlong(const std::vector<Eigen::Vector3d>& corners, d
                      Rigid3d(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * way_from_body, point(s))});
   }
   return poses;
-}
-
-PlanLayout MakePlanLayout(const Project& project, const PlanOptions& options, StageContext& context) {
-  const fs::path file = SketchFile(project, options);
-  return file.empty() ? LayoutOfSurvey(project, options.network, file, context)
-                      : LayoutOfSketch(project, file, options, context);
-}
-
-std::vector<fs::path> PlanInputs(const Project& project, const PlanOptions& options) {
-  std::vector<fs::path> inputs;
-  const fs::path file = SketchFile(project, options);
-  for (const char* always : {"tags.yaml", "aerial.tif"}) {
-    if (fs::exists(project.dir() / always)) inputs.push_back(project.dir() / always);
-  }
-  if (!file.empty()) {
-    inputs.push_back(file);
-    if (!options.camera.empty()) {
-      const fs::path calibrated = project.results() / "calibrate" / options.camera / "camchain.yaml";
-      inputs.push_back(fs::exists(calibrated) ? calibrated : project.dir() / options.camera);
-    }
-    try {
-      if (!AddsToSurvey(project, ReadSiteSketch(file))) return inputs;
-    } catch (const InputError&) {  // is said when the plan is made
-      return inputs;
-    }
-  }
-  for (const char* table : {"control_points.csv", "distances.csv", "stations.csv", "panoramas.csv"}) {
-    if (fs::exists(project.dir() / table)) inputs.push_back(project.dir() / table);
-  }
-  for (const Run* run : SurveyRuns(project)) {
-    StageTarget its;
-    its.run = run->name;
-    inputs.push_back(ManifestOf(project, "detect", its));
-    std::error_code ignored;
-    for (fs::directory_iterator it(run->dir, ignored), end; it != end; it.increment(ignored)) {
-      if (it->is_regular_file(ignored) && it->file_size() < 100'000'000) inputs.push_back(it->path());
-    }
-  }
-  std::sort(inputs.begin(), inputs.end());
-  return inputs;
 }
 
 }  // namespace trigpoint

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/plan_layout.h"
+#include "eval/plan/layout.h"
 
 namespace trigpoint {
 

@@ -1,4 +1,6 @@
-// The map of a plan or a check: marks, ellipses, names that cover nothing, and a legend of what is there.
+// Marks, ellipses, names that cover nothing, and a legend of what is there.
+#include "eval/plan/map.h"
+
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
@@ -6,7 +8,6 @@
 #include <cmath>
 #include <functional>
 
-#include "app/pipeline/plan_report.h"
 #include "calib/base/counted.h"
 #include "eval/report/plan.h"
 #include "eval/scene/ground_picture.h"

@@ -1,14 +1,18 @@
 // What `plan` works on: a sketch of the site, or the site as it was surveyed.
 #pragma once
 
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "app/pipeline/stages.h"
 #include "calib/base/path_option.h"
+#include "datasets/io/site_sketch.h"
+#include "datasets/project/project.h"
+#include "datasets/project/stage.h"
 #include "survey/network/network.h"
+#include "survey/tags/tag_map.h"
 
 namespace trigpoint {
 
@@ -78,14 +82,22 @@ struct PlanLayout {
   std::vector<std::string> notes;
 };
 
-// Throws InputError where there is neither a sketch nor anything surveyed.
-PlanLayout MakePlanLayout(const Project& project, const PlanOptions& options, StageContext& context);
+// The sketch's file, empty if there is none. Throws InputError where the options name one that is not there.
+std::filesystem::path SketchFile(const Project& project, const PlanOptions& options);
+// Does a sketch without tags add to the site as it was surveyed: paths, known points, places for tags?
+bool AddsToSurvey(const std::vector<SketchItem>& items, bool has_survey_runs);
+
+// The site as its survey runs show it: tags and odometry alone, which is enough to know where everything is. `to_add`:
+// a sketch that is added to it, which takes a datum. Throws InputError.
+PlanLayout LayoutOfSurvey(const Project& project, const SurveyInput& input, const NetworkOptions& noise,
+                          const std::filesystem::path& to_add, StageContext& context);
+// The items of the sketch `file` by themselves, or added to `surveyed`. Throws InputError.
+PlanLayout LayoutOfSketch(const Project& project, const std::filesystem::path& file,
+                          const std::vector<SketchItem>& items, const PlanOptions& options,
+                          std::optional<PlanLayout> surveyed);
 // Of a map that was made of `input`: with its noise, and pictures it did not place put where odometry has them.
 PlanLayout LayoutOfMap(const Project& project, const SurveyInput& input, const SurveyResult& map,
                        const NetworkOptions& noise);
-// The files it reads.
-std::vector<std::filesystem::path> PlanInputs(const Project& project, const PlanOptions& options);
-
 // world_from_tag of an upright tag whose printed side faces `heading_rad`, clockwise from north.
 Rigid3d UprightTag(const Eigen::Vector3d& centre, double heading_rad);
 // Poses of a body that moves along corners at constant speed; `way_from_body`: how it is turned against its way (x

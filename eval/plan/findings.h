@@ -1,15 +1,13 @@
-// What `plan` found: tables, a map, a page.
+// What `plan` finds: the accuracy of a layout, what one thing more would gain, suggestions, gates.
 #pragma once
 
-#include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "app/pipeline/plan_layout.h"
-#include "eval/report/drawing.h"
-#include "eval/text/display_unit.h"
+#include "eval/plan/layout.h"
 
 namespace trigpoint {
 
@@ -56,25 +54,7 @@ double TagSigma(const TagPrediction& tag);
 double BodySigma(const BodyPrediction& body);
 double Percentile(std::vector<double> values, double share);
 
-// tags.csv, cameras.csv, stations.csv, observations.csv, known_points.csv, gains.csv, suggestions.csv, summary.json,
-// map.svg, map.png, index.html
-void WritePlan(const PlanFindings& findings, const std::filesystem::path& folder);
-// Of a covariance's first two axes: half axes of the ellipse of one standard deviation, and the first one's angle.
-struct HorizontalEllipse {
-  double a = 0, b = 0, angle = 0;
-};
-HorizontalEllipse EllipseOf(const Eigen::Matrix3d& covariance);
-
-// What the legend calls the marks of a map.
-struct MapWords {
-  std::string seen = "tag", unseen = "tag in no planned picture", path = "planned path";
-  std::string suggested = "suggested place; arrow: the way it faces";
-  DisplayUnit unit = {};  // of the scale
-};
-// The site from above with its ellipses, over the aerial image, and a legend of what is there (plan_map.cc). Numbers:
-// suggestions in their order; without any, the ranks of the best gains, three of each kind.
-Drawing PlanMap(const PlanFindings& findings, const MapWords& words = {});
-// At most 12 lines.
-std::string PlanSummary(const nlohmann::json& summary, const DisplayUnit& unit);
+// Predicts what the layout gives, one thing more of each kind, and what the options ask for.
+PlanFindings FindPlan(const PlanOptions& options, PlanLayout layout, StageContext& context);
 
 }  // namespace trigpoint

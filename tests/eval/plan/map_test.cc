@@ -1,11 +1,12 @@
 // The map of a plan: names and marks keep apart, the legend names what is there.
+#include "eval/plan/map.h"
+
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
-#include "app/pipeline/plan_report.h"
 #include "eval/scene/scene_model.h"
 
 namespace trigpoint {
