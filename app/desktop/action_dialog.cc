@@ -1,17 +1,15 @@
 #include "app/desktop/action_dialog.h"
 
-#include <QHBoxLayout>
 #include <QLabel>
 #include <QLineEdit>
 #include <QPlainTextEdit>
 #include <QPushButton>
-#include <QScrollArea>
 #include <QTimer>
-#include <QVBoxLayout>
 
 #include "app/desktop/background.h"
 #include "app/desktop/path_button.h"
 #include "app/desktop/polled_progress.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/command_line.h"
 
 namespace trigpoint {
@@ -30,40 +28,19 @@ ActionDialog::ActionDialog(Workspace* workspace, Action action, QWidget* parent)
   auto* intro = new QLabel(action_.intro);
   intro->setWordWrap(true);
   form_ = new StageForm;
-  auto* scroll = new QScrollArea;
+  auto* scroll = Scrolled(form_);
   scroll->setAccessibleName(tr("Options"));
-  scroll->setWidget(form_);
-  scroll->setWidgetResizable(true);
-  command_ = new QLineEdit;
-  command_->setObjectName("action.line");
-  command_->setAccessibleName(tr("Equivalent command line"));
-  command_->setReadOnly(true);
-  status_ = new QLabel;
-  status_->setObjectName("action.status");
-  status_->setWordWrap(true);
-  outcome_ = new QPlainTextEdit;
-  outcome_->setObjectName("action.outcome");
-  outcome_->setAccessibleName(tr("Result"));
-  outcome_->setReadOnly(true);
+  command_ = ReadOnly(Named(new QLineEdit, "action.line", tr("Equivalent command line")));
+  status_ = WrappedLabel("action.status");
+  outcome_ = ReadOnly(Named(new QPlainTextEdit, "action.outcome", tr("Result")));
   outcome_->setMaximumHeight(8 * fontMetrics().height());
   outcome_->hide();
-  run_ = new QPushButton(action_.title);
-  run_->setObjectName("action.run");
+  run_ = MakeButton("action.run", action_.title);
   run_->setDefault(true);
-  cancel_ = new QPushButton(tr("Cancel"));
-  cancel_->setObjectName("action.cancel");
+  cancel_ = MakeButton("action.cancel", tr("Cancel"));
   cancel_->setEnabled(false);
-  auto* close = new QPushButton(tr("Close"));
-  close->setObjectName("action.close");
-  auto* buttons = new QHBoxLayout;
-  buttons->addWidget(status_, 1);
-  for (QPushButton* button : {run_, cancel_, close}) buttons->addWidget(button);
-  auto* column = new QVBoxLayout(this);
-  column->addWidget(intro);
-  column->addWidget(scroll, 1);
-  column->addWidget(command_);
-  column->addWidget(outcome_);
-  column->addLayout(buttons);
+  auto* close = MakeButton("action.close", tr("Close"));
+  InColumn({intro, {scroll, 1}, command_, outcome_, InRow({{status_, 1}, run_, cancel_, close})}, this);
   resize(640, 620);
   timer_ = new QTimer(this);
   timer_->setInterval(kLook_ms);

@@ -1,15 +1,10 @@
 #include "app/desktop/calibration_desk.h"
 
 #include <QComboBox>
-#include <QHBoxLayout>
 #include <QHeaderView>
-#include <QLabel>
 #include <QPainter>
 #include <QPushButton>
-#include <QScrollArea>
-#include <QSplitter>
 #include <QTableWidget>
-#include <QVBoxLayout>
 #include <algorithm>
 
 #include "app/desktop/background.h"
@@ -18,6 +13,7 @@
 #include "app/desktop/object_table.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
+#include "app/desktop/widgets.h"
 #include "calib/base/grid.h"
 
 namespace trigpoint {
@@ -56,35 +52,20 @@ QImage CoveragePicture(const CalibrationCamera& camera) {
 }  // namespace
 
 CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  name_ = new FittedBox(tr("Calibration that is shown"));
-  name_->setObjectName("calibration.name");
-  name_->setAccessibleName(tr("Calibration"));
-  camera_ = new FittedBox(tr("Camera of the calibration"));
-  camera_->setObjectName("calibration.camera");
-  camera_->setAccessibleName(tr("Camera"));
-  text_ = new QLabel;
-  text_->setObjectName("calibration.text");
-  next_ = new QLabel;
-  next_->setObjectName("calibration.next");
-  next_->setWordWrap(true);
+  name_ = Named(new FittedBox(tr("Calibration that is shown")), "calibration.name", tr("Calibration"));
+  camera_ = Named(new FittedBox(tr("Camera of the calibration")), "calibration.camera", tr("Camera"));
+  text_ = WrappedLabel("calibration.text");
+  next_ = WrappedLabel("calibration.next");
   next_->setAlignment(Qt::AlignTop);
   next_->setMargin(4);
-  advice_ = new QScrollArea;  // a low window has no room for all of it
-  advice_->setWidget(next_);
-  advice_->setWidgetResizable(true);
+  advice_ = Scrolled(next_);  // a low window has no room for all of it
   advice_->setFrameShape(QFrame::NoFrame);
   advice_->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
   advice_->setMinimumWidth(30 * fontMetrics().averageCharWidth());
-  text_->setWordWrap(true);
-  residuals_ = new PictureView;
-  residuals_->setAccessibleName(tr("Residuals over the image"));
-  coverage_ = new PictureView;
-  coverage_->setAccessibleName(tr("Points in each part of the image"));
-  map_ = new PictureView;
-  map_->setAccessibleName(tr("Uncertainty over the image"));
-  parameters_ = new QTableWidget(0, 3);
-  parameters_->setObjectName("calibration.parameters");
-  parameters_->setAccessibleName(tr("Parameters"));
+  residuals_ = Named(new PictureView, "", tr("Residuals over the image"));
+  coverage_ = Named(new PictureView, "", tr("Points in each part of the image"));
+  map_ = Named(new PictureView, "", tr("Uncertainty over the image"));
+  parameters_ = Named(new QTableWidget(0, 3), "calibration.parameters", tr("Parameters"));
   parameters_->setHorizontalHeaderLabels({tr("parameter"), tr("value"), tr("1 sigma")});
   SetHeaderHelp(parameters_,
                 {tr("parameter of the camera model, as in calibration.json: focal lengths and principal point (px), "
@@ -95,29 +76,14 @@ CalibrationDesk::CalibrationDesk(Workspace* workspace, QWidget* parent) : QWidge
   parameters_->verticalHeader()->setDefaultSectionSize(parameters_->fontMetrics().height() + 6);
   parameters_->verticalHeader()->hide();
   parameters_->resizeColumnsToContents();
-  auto* calibrate = new QPushButton(tr("Calibra&te ..."));
-  calibrate->setObjectName("calibration.calibrate");
+  auto* calibrate = MakeButton("calibration.calibrate", tr("Calibra&te ..."));
   connect(calibrate, &QPushButton::clicked, this, &CalibrationDesk::CalibrateRequested);
-  auto* top = new QHBoxLayout;
-  top->addWidget(name_);
-  top->addWidget(camera_);
-  top->addWidget(text_, 1);
-  top->addWidget(calibrate);
-  auto* upper = new QSplitter;
-  upper->addWidget(coverage_);
-  upper->addWidget(residuals_);
-  auto* lower = new QSplitter;
-  lower->addWidget(parameters_);
-  lower->addWidget(map_);
-  lower->addWidget(advice_);
-  auto* split = new QSplitter(Qt::Vertical);
-  split->addWidget(upper);
-  split->addWidget(lower);
-  split->setSizes({350, 350});
+  auto* top = InRow({name_, camera_, {text_, 1}, calibrate});
+  auto* upper = InSplitter(Qt::Horizontal, {coverage_, residuals_});
+  auto* lower = InSplitter(Qt::Horizontal, {parameters_, map_, advice_});
+  auto* split = InSplitter(Qt::Vertical, {upper, lower}, {350, 350});
   lower->setSizes({420, 340, 340});
-  auto* all = new QVBoxLayout(this);
-  all->addLayout(top);
-  all->addWidget(split, 1);
+  InColumn({top, {split, 1}}, this);
   connect(name_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &CalibrationDesk::Load);
   connect(camera_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &CalibrationDesk::ShowCamera);
   connect(workspace_, &Workspace::Replaced, this, [this] {

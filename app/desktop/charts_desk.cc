@@ -1,18 +1,16 @@
 #include "app/desktop/charts_desk.h"
 
 #include <QFileDialog>
-#include <QLabel>
 #include <QListWidget>
 #include <QMenu>
 #include <QPushButton>
-#include <QSplitter>
-#include <QVBoxLayout>
 #include <algorithm>
 #include <set>
 
 #include "app/desktop/background.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/report_text.h"
+#include "app/desktop/widgets.h"
 
 namespace trigpoint {
 
@@ -54,36 +52,17 @@ void HighlightSelected(PictureView* view, const Workspace& workspace) {
 }
 
 ChartsDesk::ChartsDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  list_ = new QListWidget;
-  list_->setObjectName("charts.list");
-  list_->setAccessibleName(tr("Charts"));
+  list_ = Named(new QListWidget, "charts.list", tr("Charts"));
   list_->setWordWrap(true);
   list_->setAlternatingRowColors(true);
-  view_ = new PictureView;
-  view_->setObjectName("charts.view");
-  view_->setAccessibleName(tr("Chart"));
-  caption_ = new QLabel;
-  caption_->setObjectName("charts.caption");
-  caption_->setWordWrap(true);
-  caption_->setTextInteractionFlags(Qt::TextSelectableByMouse);
-  auto* save = new QPushButton(tr("&Save chart ..."));
-  save->setObjectName("charts.save");
-  save->setToolTip(tr("The chart as PNG; the report has all of them as SVG, too"));
-  auto* right = new QWidget;
-  auto* rows = new QVBoxLayout(right);
-  rows->setContentsMargins(0, 0, 0, 0);
-  rows->addWidget(view_, 1);
-  auto* below = new QHBoxLayout;
-  below->addWidget(caption_, 1);
-  below->addWidget(save, 0, Qt::AlignTop);
-  rows->addLayout(below);
-  auto* split = new QSplitter;
-  split->addWidget(list_);
-  split->addWidget(right);
+  view_ = Named(new PictureView, "charts.view", tr("Chart"));
+  caption_ = Selectable(WrappedLabel("charts.caption"));
+  auto* save =
+      MakeButton("charts.save", tr("&Save chart ..."), tr("The chart as PNG; the report has all of them as SVG, too"));
+  auto* right = Pane({{view_, 1}, InRow({{caption_, 1}, {save, 0, Qt::AlignTop}})});
+  auto* split = InSplitter(Qt::Horizontal, {list_, right}, {230, 900});
   split->setStretchFactor(1, 1);
-  split->setSizes({230, 900});
-  auto* all = new QVBoxLayout(this);
-  all->addWidget(split);
+  InColumn({split}, this);
 
   connect(list_, &QListWidget::currentRowChanged, this, &ChartsDesk::ShowChart);
   connect(save, &QPushButton::clicked, this, &ChartsDesk::Save);

@@ -1,24 +1,20 @@
 #include "app/desktop/check_desk.h"
 
 #include <QDesktopServices>
-#include <QHBoxLayout>
-#include <QLabel>
 #include <QPushButton>
 #include <QResizeEvent>
-#include <QSplitter>
 #include <QTableWidget>
 #include <QThread>
 #include <QTimer>
 #include <QUrl>
-#include <QVBoxLayout>
 
 #include "app/desktop/charts.h"
 #include "app/desktop/charts_desk.h"
 #include "app/desktop/contrast.h"
-#include "app/desktop/flow_layout.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/polled_progress.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/check_watch.h"
 #include "calib/base/error.h"
 
@@ -100,27 +96,14 @@ CheckDesk::CheckDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), w
 }
 
 void CheckDesk::MakeWidgets() {
-  const auto button = [](const char* name, const QString& text, const QString& help) {
-    auto* b = new QPushButton(text);
-    b->setObjectName(name);
-    b->setToolTip(help);
-    return b;
-  };
-  headline_ = new QLabel;
-  headline_->setObjectName("check.headline");
-  headline_->setWordWrap(true);
-  headline_->setTextInteractionFlags(Qt::TextSelectableByMouse);
-  QFont large = headline_->font();
-  large.setPointSizeF(1.3 * large.pointSizeF());
-  large.setBold(true);
-  headline_->setFont(large);
-  status_ = new QLabel;
-  status_->setObjectName("check.status");
-  status_->setWordWrap(true);
-  check_ = button("check.check", tr("&Check now"), tr("Look once at every picture that is there (trigpoint check)"));
-  watch_ = button("check.watch", tr("&Watch"), tr("Go on as pictures are copied here (trigpoint check --watch)"));
-  stop_ = button("check.stop", tr("S&top"), tr("What was looked at is kept; a later check goes on there"));
-  page_ = button("check.page", tr("Open the &page"), tr("results/check/index.html in the browser"));
+  headline_ = Selectable(WrappedLabel("check.headline"));
+  Enlarge(headline_, 1.3);
+  status_ = WrappedLabel("check.status");
+  check_ =
+      MakeButton("check.check", tr("&Check now"), tr("Look once at every picture that is there (trigpoint check)"));
+  watch_ = MakeButton("check.watch", tr("&Watch"), tr("Go on as pictures are copied here (trigpoint check --watch)"));
+  stop_ = MakeButton("check.stop", tr("S&top"), tr("What was looked at is kept; a later check goes on there"));
+  page_ = MakeButton("check.page", tr("Open the &page"), tr("results/check/index.html in the browser"));
   next_ = MakeTable("check.next", tr("What to do next"), {tr("what to do next"), tr("why")});
   findings_ = MakeTable("check.findings", tr("Findings"), {tr("light"), tr("topic"), tr("finding")});
   tags_ = MakeTable("check.tags", tr("Tags"),
@@ -142,25 +125,13 @@ void CheckDesk::MakeWidgets() {
   SetHeaderHelp(findings_, {tr("red: the recordings do not suffice yet; amber: look at it before you leave; green: no "
                                "problem found"),
                             tr("what was looked at"), tr("what was found")});
-  map_ = new PictureView;
-  map_->setObjectName("check.map");
-  map_->setAccessibleName(tr("Map of the check"));
+  map_ = Named(new PictureView, "check.map", tr("Map of the check"));
   timer_ = new QTimer(this);
   timer_->setInterval(kLook_ms);
-  auto* buttons = new FlowLayout;
-  for (QWidget* w : {check_, watch_, stop_, page_}) buttons->addWidget(w);
-  auto* left = new QSplitter(Qt::Vertical);
-  for (QTableWidget* table : {next_, findings_, tags_}) left->addWidget(table);
-  left->setSizes({150, 250, 220});
-  split_ = new QSplitter;
-  split_->addWidget(left);
-  split_->addWidget(map_);
-  split_->setSizes({600, 500});
-  auto* all = new QVBoxLayout(this);
-  all->addWidget(headline_);
-  all->addLayout(buttons);
-  all->addWidget(status_);
-  all->addWidget(split_, 1);
+  auto* buttons = InFlow({check_, watch_, stop_, page_});
+  auto* left = InSplitter(Qt::Vertical, {next_, findings_, tags_}, {150, 250, 220});
+  split_ = InSplitter(Qt::Horizontal, {left, map_}, {600, 500});
+  InColumn({headline_, buttons, status_, {split_, 1}}, this);
 }
 
 CheckDesk::~CheckDesk() {

@@ -10,7 +10,6 @@
 #include <QTabWidget>
 #include <QTableWidget>
 #include <QTextBrowser>
-#include <QVBoxLayout>
 #include <algorithm>
 
 #include "app/desktop/background.h"
@@ -21,6 +20,7 @@
 #include "app/desktop/report_text.h"
 #include "app/desktop/scene_desk.h"
 #include "app/desktop/views_box.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/reviewed.h"
 #include "eval/errors/compare.h"
 #include "eval/release/compared.h"
@@ -89,21 +89,18 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   const char* names[] = {"a", "b"};
   for (int i = 0; i < 2; ++i) {
     Side& side = sides_[i];
-    side.result = new FittedBox(tr("Results of a variant, of a release, or of another project"));
-    side.result->setObjectName(QString("compare.") + names[i]);
-    side.result->setAccessibleName(i == 0 ? tr("First evaluation") : tr("Second evaluation"));
-    side.run = new FittedBox(tr("All runs, or the one whose answers are compared"));
-    side.run->setObjectName(QString("compare.run_") + names[i]);
-    side.run->setAccessibleName(i == 0 ? tr("Run of the first") : tr("Run of the second"));
+    side.result = Named(new FittedBox(tr("Results of a variant, of a release, or of another project")),
+                        QString("compare.") + names[i], i == 0 ? tr("First evaluation") : tr("Second evaluation"));
+    side.run = Named(new FittedBox(tr("All runs, or the one whose answers are compared")),
+                     QString("compare.run_") + names[i], i == 0 ? tr("Run of the first") : tr("Run of the second"));
     top->addWidget(new QLabel(i == 0 ? "A" : "B"));
     top->addWidget(side.result);
     top->addWidget(side.run);
     connect(side.result, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &CompareDesk::Compare);
     connect(side.run, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &CompareDesk::Compare);
   }
-  auto* other = new QPushButton(tr("Other &project or release ..."));
-  other->setObjectName("compare.other");
-  other->setToolTip(tr("A folder with another project, a release, or errors.csv: becomes B"));
+  auto* other = MakeButton("compare.other", tr("Other &project or release ..."),
+                           tr("A folder with another project, a release, or errors.csv: becomes B"));
   top->addWidget(other);
   views_ = MakeViewsBox("compare.views");
   top->addWidget(views_);
@@ -118,9 +115,7 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   for (int at = 0; at < kColumns; ++at) {
     errors_->horizontalHeader()->moveSection(errors_->horizontalHeader()->visualIndex(kShownOrder[at]), at);
   }
-  text_ = new QTextBrowser;
-  text_->setObjectName("compare.text");
-  text_->setAccessibleName(tr("Paired comparison"));
+  text_ = Named(new QTextBrowser, "compare.text", tr("Paired comparison"));
   scenes_ = new QWidget;
   new QHBoxLayout(scenes_);
   tabs_ = new QTabWidget;
@@ -128,13 +123,8 @@ CompareDesk::CompareDesk(Workspace* workspace, QWidget* parent) : QWidget(parent
   tabs_->addTab(text_, tr("Paired statistics"));
   tabs_->addTab(differences_, tr("What changed"));
   tabs_->addTab(scenes_, tr("3D"));
-  note_ = new QLabel;
-  note_->setObjectName("compare.note");
-  note_->setWordWrap(true);
-  auto* all = new QVBoxLayout(this);
-  all->addLayout(top);
-  all->addWidget(note_);
-  all->addWidget(tabs_, 1);
+  note_ = WrappedLabel("compare.note");
+  InColumn({top, note_, {tabs_, 1}}, this);
   connect(other, &QPushButton::clicked, this, [this] {
     const QString dir = QFileDialog::getExistingDirectory(this, tr("A project, a release, or a folder of errors.csv"));
     if (!dir.isEmpty() && !Add(dir)) {
@@ -342,17 +332,11 @@ void CompareDesk::ShowScenes() {
   for (int i = 0; i < 2; ++i) {
     Side& side = sides_[i];
     if (side.scene == nullptr) {
-      auto* half = new QWidget;
-      half->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Expanding);  // both get half
-      auto* column = new QVBoxLayout(half);
-      column->setContentsMargins(0, 0, 0, 0);
-      side.title = new QLabel;
-      side.title->setObjectName(QString("compare.title_") + (i == 0 ? "a" : "b"));
-      side.title->setWordWrap(true);
+      side.title = WrappedLabel(QString("compare.title_") + (i == 0 ? "a" : "b"));
       side.scene = new SceneDesk(workspace_, SceneDesk::Kind::kCompact);
       connect(side.scene, &SceneDesk::Loaded, this, &CompareDesk::ShowTitles);
-      column->addWidget(side.title);
-      column->addWidget(side.scene, 1);
+      auto* half = Pane({side.title, {side.scene, 1}});
+      half->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Expanding);  // both get half
       scenes_->layout()->addWidget(half);
     }
     side.scene->setVisible(side.source.has_value());

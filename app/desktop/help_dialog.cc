@@ -5,9 +5,10 @@
 #include <QMenu>
 #include <QMenuBar>
 #include <QTextBrowser>
-#include <QVBoxLayout>
 #include <utility>
 #include <vector>
+
+#include "app/desktop/widgets.h"
 
 namespace trigpoint {
 
@@ -73,16 +74,12 @@ HelpDialog::HelpDialog(const QMenuBar* menus, QWidget* parent) : QDialog(parent)
       {tr("reference trajectory"), tr("poses of every image by tag map and odometry, against which cameras are held")},
       {tr("variant"), tr("a second set of results beside the first, with other options")},
       {tr("release"), tr("a frozen copy of results with all they rest on")}};
-  auto* text = new QTextBrowser;
-  text->setObjectName("help.text");
-  text->setAccessibleName(windowTitle());
+  auto* text = Named(new QTextBrowser, "help.text", windowTitle());
   text->setHtml(TableOf(tr("Keys of the menus"), keys) + TableOf(tr("Keys and mouse in the views"), views) +
                 TableOf(tr("Terms"), terms));
   auto* buttons = new QDialogButtonBox(QDialogButtonBox::Close);
   connect(buttons, &QDialogButtonBox::rejected, this, &QDialog::close);
-  auto* column = new QVBoxLayout(this);
-  column->addWidget(text, 1);
-  column->addWidget(buttons);
+  InColumn({{text, 1}, buttons}, this);
 }
 
 }  // namespace trigpoint

@@ -2,24 +2,21 @@
 
 #include <QCheckBox>
 #include <QComboBox>
-#include <QHBoxLayout>
 #include <QLabel>
 #include <QListWidget>
 #include <QPushButton>
 #include <QSlider>
-#include <QSplitter>
-#include <QVBoxLayout>
 #include <algorithm>
 #include <cmath>
 
 #include "app/desktop/background.h"
 #include "app/desktop/fitted_box.h"
-#include "app/desktop/flow_layout.h"
 #include "app/desktop/inspector.h"
 #include "app/desktop/match_lines.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
 #include "app/desktop/thumbnails.h"
+#include "app/desktop/widgets.h"
 
 namespace trigpoint {
 
@@ -28,10 +25,8 @@ namespace {
 QPointF Point(const Eigen::Vector2d& p) { return {p.x(), p.y()}; }
 
 QCheckBox* LayerBox(const QString& text, const char* name, bool on, const QString& help) {
-  auto* box = new QCheckBox(text);
-  box->setObjectName(name);
+  QCheckBox* box = MakeCheckBox(name, text, help);
   box->setChecked(on);
-  box->setToolTip(help);
   return box;
 }
 
@@ -74,12 +69,8 @@ ImagesDesk::ImagesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
 }
 
 void ImagesDesk::MakeControls() {
-  run_ = new FittedBox(tr("Run whose images are listed"));
-  run_->setObjectName("images.run");
-  run_->setAccessibleName(tr("Run"));
-  images_ = new QListWidget;
-  images_->setObjectName("images.list");
-  images_->setAccessibleName(tr("Images of the run"));
+  run_ = Named(new FittedBox(tr("Run whose images are listed")), "images.run", tr("Run"));
+  images_ = Named(new QListWidget, "images.list", tr("Images of the run"));
   images_->setUniformItemSizes(true);
   images_->setMinimumWidth(images_->fontMetrics().horizontalAdvance("images/000000.jpg") + 40);
   images_->setTextElideMode(Qt::ElideLeft);
@@ -87,19 +78,15 @@ void ImagesDesk::MakeControls() {
   thumbnails_ = new Thumbnails(images_);
   slider_ = new QSlider(Qt::Horizontal);
   slider_->setAccessibleName(tr("Image by time"));
-  reference_ = new FittedBox(tr("Panorama or photo that stands beside the image"));
-  reference_->setObjectName("images.reference");
-  reference_->setAccessibleName(tr("Panorama or photo"));
-  view_ = new QComboBox;
-  view_->setObjectName("images.view");
-  view_->setSizeAdjustPolicy(QComboBox::AdjustToContents);
-  view_->setAccessibleName(tr("Part of the panorama"));
-  view_->setToolTip(
+  reference_ = Named(new FittedBox(tr("Panorama or photo that stands beside the image")), "images.reference",
+                     tr("Panorama or photo"));
+  view_ = Named(
+      new QComboBox, "images.view", tr("Part of the panorama"),
       tr("All of the panorama, or one of the rectilinear views that localize matches; of a set one of its photos"));
+  view_->setSizeAdjustPolicy(QComboBox::AdjustToContents);
   view_->addItem(tr("whole"));
-  match_ = new QPushButton(tr("&Match"));
-  match_->setObjectName("images.match");
-  match_->setToolTip(tr("Match the image with the panorama, and judge the matches by the solution"));
+  match_ = MakeButton("images.match", tr("&Match"),
+                      tr("Match the image with the panorama, and judge the matches by the solution"));
   // Reprojection errors are drawn ten times as long as they are.
   detections_ = LayerBox(tr("detections"), "images.detections", true,
                          tr("Outlines of the tags found in the image; gray: excluded by the review"));
@@ -112,91 +99,43 @@ void ImagesDesk::MakeControls() {
                        tr("Matches with the panorama farther than 3 px from their epipolar lines"));
   linked_ = LayerBox(tr("linked zoom"), "images.linked", false,
                      tr("Moves the other picture to the same place, by the inlier matches"));
-  next_ = new QPushButton(tr("&Next image of the tag"));
-  next_->setObjectName("images.next");
+  next_ = MakeButton("images.next", tr("&Next image of the tag"),
+                     tr("Goes through all images that show the selected station's tag (Ctrl+N)"));
   next_->setShortcut(QKeySequence(tr("Ctrl+N")));
-  next_->setToolTip(tr("Goes through all images that show the selected station's tag (Ctrl+N)"));
-  order_ = new QComboBox;
-  order_->setObjectName("images.order");
-  order_->setAccessibleName(tr("Order of the images of a tag"));
+  order_ = Named(new QComboBox, "images.order", tr("Order of the images of a tag"));
   order_->addItem(tr("worst residual first"), static_cast<int>(TagImageOrder::kWorstResidual));
   order_->addItem(tr("largest first"), static_cast<int>(TagImageOrder::kLargest));
-  point_ = new QComboBox;
-  point_->setObjectName("images.point");
-  point_->setAccessibleName(tr("Name of the surveyed point"));
+  point_ = Named(new QComboBox, "images.point", tr("Name of the surveyed point"));
   point_->setEditable(true);
   point_->setMinimumContentsLength(8);
-  mark_ = new QPushButton(tr("Mar&k by click"));
-  mark_->setObjectName("images.mark");
+  mark_ =
+      MakeButton("images.mark", tr("Mar&k by click"),
+                 tr("The next click in the image marks the point; from two marks on it is predicted elsewhere. A mark "
+                    "is moved by dragging it"));
   mark_->setCheckable(true);
-  mark_->setToolTip(
-      tr("The next click in the image marks the point; from two marks on it is predicted elsewhere. A mark "
-         "is moved by dragging it"));
-  confirm_ = new QPushButton(tr("C&onfirm prediction"));
-  confirm_->setObjectName("images.confirm");
+  confirm_ = MakeButton("images.confirm", tr("C&onfirm prediction"));
   confirm_->setEnabled(false);
-  remove_ = new QPushButton(tr("Re&move mark"));
-  remove_->setObjectName("images.remove");
-  remove_->setToolTip(tr("Take the point's mark out of this image"));
+  remove_ = MakeButton("images.remove", tr("Re&move mark"), tr("Take the point's mark out of this image"));
   remove_->setEnabled(false);
-  status_ = new QLabel;
-  status_->setObjectName("images.status");
-  status_->setWordWrap(true);
-  turn_ = new QLabel;
-  turn_->setObjectName("images.turn");
+  status_ = WrappedLabel("images.status");
+  turn_ = Named(new QLabel, "images.turn");
   place_ = new QLabel;
   place_->setMinimumWidth(150);
-  left_ = new PictureView;
-  left_->setObjectName("images.left");
-  left_->setAccessibleName(tr("Camera image"));
-  right_ = new PictureView;
-  right_->setObjectName("images.right");
-  right_->setAccessibleName(tr("Panorama or photo"));
+  left_ = Named(new PictureView, "images.left", tr("Camera image"));
+  right_ = Named(new PictureView, "images.right", tr("Panorama or photo"));
 }
 
 void ImagesDesk::Arrange() {
-  auto* side = new QWidget;
-  auto* column = new QVBoxLayout(side);
-  column->setContentsMargins(0, 0, 0, 0);
-  column->addWidget(run_);
-  column->addWidget(images_, 1);
-  panes_ = new QSplitter;
-  panes_->addWidget(left_);
-  panes_->addWidget(right_);
-  auto* pictures = new QWidget;  // the splitter itself would take the lines for a third pane
-  auto* around = new QVBoxLayout(pictures);
-  around->setContentsMargins(0, 0, 0, 0);
-  around->addWidget(panes_);
+  auto* side = Pane({run_, {images_, 1}});
+  panes_ = InSplitter(Qt::Horizontal, {left_, right_});
+  auto* pictures = Pane({panes_});  // the splitter itself would take the lines for a third pane
   lines_ = new MatchLines(left_, right_, pictures);
-  auto* middle = new QWidget;
-  auto* rows = new QVBoxLayout(middle);
-  rows->setContentsMargins(0, 0, 0, 0);
-  auto* top = new FlowLayout;
-  for (QWidget* w :
-       std::initializer_list<QWidget*>{detections_, tracks_, inliers_, outliers_, linked_, reference_, view_, match_}) {
-    top->addWidget(w);
-  }
-  rows->addLayout(top);
-  rows->addWidget(pictures, 1);
-  rows->addWidget(slider_);
-  auto* bottom = new FlowLayout;
-  for (QWidget* w :
-       std::initializer_list<QWidget*>{next_, order_, new QLabel(tr("Point")), point_, mark_, confirm_, remove_}) {
-    bottom->addWidget(w);
-  }
-  rows->addLayout(bottom);
-  auto* below = new QHBoxLayout;
-  below->addWidget(status_, 1);
-  below->addWidget(turn_);
-  below->addWidget(place_);
-  rows->addLayout(below);
-  auto* split = new QSplitter;
-  split->addWidget(side);
-  split->addWidget(middle);
+  auto* top = InFlow({detections_, tracks_, inliers_, outliers_, linked_, reference_, view_, match_});
+  auto* bottom = InFlow({next_, order_, new QLabel(tr("Point")), point_, mark_, confirm_, remove_});
+  auto* middle = Pane({top, {pictures, 1}, slider_, bottom, InRow({{status_, 1}, turn_, place_})});
+  auto* split = InSplitter(Qt::Horizontal, {side, middle}, {190, 800});
   split->setStretchFactor(1, 1);
-  split->setSizes({190, 800});
-  auto* all = new QVBoxLayout(this);
-  all->addWidget(split);
+  InColumn({split}, this);
 }
 
 void ImagesDesk::ConnectViews() {

@@ -45,6 +45,7 @@
 #include "app/desktop/site_tree.h"
 #include "app/desktop/station_card.h"
 #include "app/desktop/tables_desk.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/demo_site.h"
 #include "datasets/project/project.h"
 
@@ -92,9 +93,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   problem_ = new ProblemBar;
   tree_ = new SiteTree(workspace_);
   card_ = new StationCard(workspace_);
-  desks_ = new QTabWidget;
-  desks_->setObjectName("desks");
-  desks_->setAccessibleName(tr("Desks"));
+  desks_ = Named(new QTabWidget, "desks", tr("Desks"));
   desks_->setDocumentMode(true);
   overview_ = new OverviewDesk(workspace_);
   run_ = new RunDesk(workspace_, jobs_);
@@ -193,12 +192,10 @@ void MainWindow::AddDesks() {
 }
 
 void MainWindow::MakeStatusBar() {
-  progress_ = new QLabel;
-  progress_->setObjectName("progress");
+  progress_ = Named(new QLabel, "progress");
   progress_->setMinimumWidth(20 * fontMetrics().averageCharWidth());
   progress_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);  // a long path makes no window wide
-  cancel_ = new QPushButton(tr("Cancel"));
-  cancel_->setObjectName("cancel");
+  cancel_ = MakeButton("cancel", tr("Cancel"));
   cancel_->hide();
   statusBar()->addWidget(progress_, 1);
   statusBar()->addWidget(scene_->place(), 3);
@@ -210,8 +207,7 @@ void MainWindow::MakeStatusBar() {
 }
 
 QDockWidget* MainWindow::MakeDock(const char* name, const QString& title, QWidget* widget) {
-  auto* dock = new QDockWidget(title);
-  dock->setObjectName(name);
+  auto* dock = Named(new QDockWidget(title), name);
   dock->setWidget(widget);
   dock->setFeatures(QDockWidget::DockWidgetMovable | QDockWidget::DockWidgetClosable);
   addDockWidget(Qt::LeftDockWidgetArea, dock);

@@ -7,15 +7,14 @@
 #include <QHeaderView>
 #include <QTableWidget>
 
+#include "app/desktop/widgets.h"
 #include "app/desktop/workspace.h"
 
 namespace trigpoint {
 
 // A table to read and to select rows in; the last column takes the rest of the width.
 inline QTableWidget* MakeTable(const char* name, const QString& accessible, const QStringList& header = {}) {
-  auto* table = new QTableWidget(0, header.size());
-  table->setObjectName(name);
-  table->setAccessibleName(accessible);
+  auto* table = Named(new QTableWidget(0, header.size()), name, accessible);
   table->setHorizontalHeaderLabels(header);
   table->setEditTriggers(QAbstractItemView::NoEditTriggers);
   table->setSelectionBehavior(QAbstractItemView::SelectRows);

@@ -4,7 +4,6 @@
 #include <QCryptographicHash>
 #include <QDir>
 #include <QFileInfo>
-#include <QHBoxLayout>
 #include <QHeaderView>
 #include <QLabel>
 #include <QPushButton>
@@ -12,7 +11,6 @@
 #include <QScrollArea>
 #include <QScrollBar>
 #include <QSettings>
-#include <QSplitter>
 #include <QStandardPaths>
 #include <QTableWidget>
 #include <QTimer>
@@ -30,6 +28,7 @@
 #include "app/desktop/picture_view.h"
 #include "app/desktop/report_text.h"
 #include "app/desktop/tolerance.h"
+#include "app/desktop/widgets.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {
@@ -63,28 +62,18 @@ QLabel* Wrapped(const QString& text) {
 }
 
 QWidget* Tile(const Fact& fact) {
-  auto* tile = new QFrame;
-  tile->setObjectName("tile");
+  auto* tile = Named(new QFrame, "tile", "", ReportText(fact.detail));
   tile->setStyleSheet(
       QString("QFrame#tile { background: palette(base); border-left: 4px solid %1; }").arg(ToneColour(fact.tone)));
   tile->setFixedWidth(kTileWidth);
   tile->setSizePolicy(QSizePolicy::Fixed, QSizePolicy::Expanding);
-  tile->setToolTip(ReportText(fact.detail));
-  auto* column = new QVBoxLayout(tile);
-  column->setContentsMargins(10, 6, 8, 6);
-  column->setSpacing(1);
-  auto* value = new QLabel(ReportText(fact.value));
-  QFont large = value->font();
-  large.setPointSizeF(1.5 * large.pointSizeF());
-  large.setBold(true);
-  value->setFont(large);
-  value->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  auto* value = Selectable(new QLabel(ReportText(fact.value)));
+  Enlarge(value, 1.5);
   auto* detail = new QLabel(QString("<small>%1</small>").arg(ReportText(fact.detail).toHtmlEscaped()));
   detail->setWordWrap(true);
-  column->addWidget(new QLabel(ReportText(fact.label)));
-  column->addWidget(value);
-  column->addWidget(detail);
-  column->addStretch();
+  auto* column = InColumn({new QLabel(ReportText(fact.label)), value, detail, {}}, tile);
+  column->setContentsMargins(10, 6, 8, 6);
+  column->setSpacing(1);
   return tile;
 }
 
@@ -97,37 +86,18 @@ QString ThumbnailOf(const QString& dir) {
 }  // namespace
 
 OverviewDesk::OverviewDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  title_ = new QLabel;
-  title_->setObjectName("overview.title");
-  QFont large = title_->font();
-  large.setPointSizeF(1.3 * large.pointSizeF());
-  large.setBold(true);
-  title_->setFont(large);
-  next_text_ = new QLabel;
-  next_text_->setObjectName("overview.next_text");
-  next_text_->setWordWrap(true);
-  next_ = new QPushButton;
-  next_->setObjectName("overview.next");
+  title_ = Named(new QLabel, "overview.title");
+  Enlarge(title_, 1.3);
+  next_text_ = WrappedLabel("overview.next_text");
+  next_ = Named(new QPushButton, "overview.next");
   next_->setDefault(true);
-  scroll_ = new QScrollArea;
-  scroll_->setObjectName("overview.scroll");
-  scroll_->setAccessibleName(tr("Verdict"));
+  scroll_ = Named(new QScrollArea, "overview.scroll", tr("Verdict"));
   scroll_->setWidgetResizable(true);
   scroll_->setFrameShape(QFrame::NoFrame);
-  plan_ = new PictureView;
-  plan_->setObjectName("overview.plan");
-  plan_->setAccessibleName(tr("Plan"));
-  auto* top = new QHBoxLayout;
-  top->addWidget(title_);
-  top->addWidget(next_text_, 1);
-  top->addWidget(next_);
-  split_ = new QSplitter;
-  split_->addWidget(scroll_);
-  split_->addWidget(plan_);
-  split_->setSizes({560, 560});
-  auto* all = new QVBoxLayout(this);
-  all->addLayout(top);
-  all->addWidget(split_, 1);
+  plan_ = Named(new PictureView, "overview.plan", tr("Plan"));
+  auto* top = InRow({title_, {next_text_, 1}, next_});
+  split_ = InSplitter(Qt::Horizontal, {scroll_, plan_}, {560, 560});
+  InColumn({top, {split_, 1}}, this);
 
   connect(plan_, &PictureView::Clicked, this, [this](const QPointF&, const QString& object) { Choose(object); });
   connect(plan_, &PictureView::DoubleClicked, this, [this](const QString& object) {
@@ -257,17 +227,13 @@ void OverviewDesk::ShowWelcome(QVBoxLayout* column) {
   column->addWidget(
       Wrapped(tr("Localizes panoramas and photos against a camera's run, surveys tags, and measures how "
                  "good the answers are.")));
-  auto* row = new QWidget;
-  auto* buttons = new FlowLayout(row);
-  auto* open = new QPushButton(tr("&Open a project ..."));
-  open->setObjectName("overview.open");
+  auto* open = MakeButton("overview.open", tr("&Open a project ..."));
   connect(open, &QPushButton::clicked, this, &OverviewDesk::OpenRequested);
-  buttons->addWidget(open);
-  auto* example = new QPushButton(tr("Make the &example ..."));
-  example->setObjectName("overview.example");
-  example->setToolTip(tr("Copies a small site with two runs into a new folder and opens it"));
+  auto* example = MakeButton("overview.example", tr("Make the &example ..."),
+                             tr("Copies a small site with two runs into a new folder and opens it"));
   connect(example, &QPushButton::clicked, this, &OverviewDesk::ExampleRequested);
-  buttons->addWidget(example);
+  auto* row = new QWidget;
+  InFlow({open, example}, row);
   column->addWidget(row);
   QStringList recent;
   for (const QString& dir : QSettings().value("recent").toStringList()) {
@@ -429,9 +395,8 @@ void OverviewDesk::ShowMatrix(QVBoxLayout* column) {
                      : tr("<b>Answers</b>, without a reference to compare them with. Below each the 1 sigma that it "
                           "states, of its largest axis (%1), or why there is none.")
                            .arg(unit)));
-  matrix_ = new QTableWidget(Rows(), static_cast<int>(overview_->runs.size()));
-  matrix_->setObjectName("overview.matrix");
-  matrix_->setAccessibleName(HasReference() ? tr("Errors by station and run") : tr("Answers by panorama and run"));
+  matrix_ = Named(new QTableWidget(Rows(), static_cast<int>(overview_->runs.size())), "overview.matrix",
+                  HasReference() ? tr("Errors by station and run") : tr("Answers by panorama and run"));
   matrix_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   matrix_->setSelectionMode(QAbstractItemView::SingleSelection);
   QStringList names;

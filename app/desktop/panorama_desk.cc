@@ -1,13 +1,9 @@
 #include "app/desktop/panorama_desk.h"
 
 #include <QComboBox>
-#include <QHBoxLayout>
 #include <QHeaderView>
-#include <QLabel>
 #include <QPushButton>
-#include <QSplitter>
 #include <QTableWidget>
-#include <QVBoxLayout>
 #include <algorithm>
 #include <cmath>
 
@@ -17,6 +13,7 @@
 #include "app/desktop/photo_set_view.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
+#include "app/desktop/widgets.h"
 
 namespace trigpoint {
 
@@ -68,45 +65,21 @@ std::vector<PictureMark> GraphMarks(const PhotoSetView& set) {
 }  // namespace
 
 PanoramaDesk::PanoramaDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  set_ = new FittedBox(tr("Panorama or photo set that is shown"));
-  set_->setObjectName("panorama.set");
-  set_->setAccessibleName(tr("Panorama or photo set"));
-  auto* stitch = new QPushButton(tr("&Stitch ..."));
-  stitch->setObjectName("panorama.stitch");
-  text_ = new QLabel;
-  text_->setObjectName("panorama.text");
-  text_->setWordWrap(true);
-  photos_ = new QTableWidget(0, 6);
-  photos_->setObjectName("panorama.photos");
-  photos_->setAccessibleName(tr("Photos of the set and their refined centres"));
+  set_ = Named(new FittedBox(tr("Panorama or photo set that is shown")), "panorama.set", tr("Panorama or photo set"));
+  auto* stitch = MakeButton("panorama.stitch", tr("&Stitch ..."));
+  text_ = WrappedLabel("panorama.text");
+  photos_ = Named(new QTableWidget(0, 6), "panorama.photos", tr("Photos of the set and their refined centres"));
   photos_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   photos_->setSelectionBehavior(QAbstractItemView::SelectRows);
   photos_->verticalHeader()->setDefaultSectionSize(photos_->fontMetrics().height() + 6);
-  panorama_ = new PictureView;
-  panorama_->setObjectName("panorama.picture");
-  panorama_->setAccessibleName(tr("Panorama"));
-  graph_ = new PictureView;
-  graph_->setObjectName("panorama.graph");
-  graph_->setAccessibleName(tr("Which photos match, by where they look"));
-  photo_ = new PictureView;
-  photo_->setObjectName("panorama.photo");
-  photo_->setAccessibleName(tr("Photo"));
-  auto* top = new QHBoxLayout;
-  top->addWidget(set_);
-  top->addWidget(text_, 1);
-  top->addWidget(stitch);
-  auto* lower = new QSplitter;
-  lower->addWidget(graph_);
-  lower->addWidget(photos_);
-  lower->addWidget(photo_);
-  auto* split = new QSplitter(Qt::Vertical);
-  split->addWidget(panorama_);
-  split->addWidget(lower);
-  split->setSizes({350, 350});
+  panorama_ = Named(new PictureView, "panorama.picture", tr("Panorama"));
+  graph_ = Named(new PictureView, "panorama.graph", tr("Which photos match, by where they look"));
+  photo_ = Named(new PictureView, "panorama.photo", tr("Photo"));
+  auto* top = InRow({set_, {text_, 1}, stitch});
+  auto* lower = InSplitter(Qt::Horizontal, {graph_, photos_, photo_});
+  auto* split = InSplitter(Qt::Vertical, {panorama_, lower}, {350, 350});
   lower->setSizes({250, 400, 250});
-  auto* all = new QVBoxLayout(this);
-  all->addLayout(top);
-  all->addWidget(split, 1);
+  InColumn({top, {split, 1}}, this);
   connect(set_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &PanoramaDesk::ShowSet);
   connect(set_, QOverload<int>::of(&QComboBox::activated), this, [this] {
     if (!Object().isEmpty()) workspace_->Select(Object());

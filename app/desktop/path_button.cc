@@ -8,6 +8,8 @@
 #include <QMenu>
 #include <QToolButton>
 
+#include "app/desktop/widgets.h"
+
 namespace trigpoint {
 
 namespace {
@@ -43,12 +45,10 @@ void OpenDialog(QLineEdit* field, PathKind kind, bool is_folder, const QString& 
 }  // namespace
 
 QToolButton* MakePathButton(QLineEdit* field, PathKind kind, const std::function<QString()>& folder) {
-  auto* button = new QToolButton;
+  auto* button = Named(new QToolButton, field->objectName() + "_browse",
+                       Words(QT_TRANSLATE_NOOP("trigpoint::PathButton", "Choose: %1")).arg(field->accessibleName()),
+                       Words(QT_TRANSLATE_NOOP("trigpoint::PathButton", "Choose a file or a folder")));
   button->setText(Words(QT_TRANSLATE_NOOP("trigpoint::PathButton", "...")));
-  button->setObjectName(field->objectName() + "_browse");
-  button->setAccessibleName(
-      Words(QT_TRANSLATE_NOOP("trigpoint::PathButton", "Choose: %1")).arg(field->accessibleName()));
-  button->setToolTip(Words(QT_TRANSLATE_NOOP("trigpoint::PathButton", "Choose a file or a folder")));
   const auto open = [field, kind, folder](bool is_folder) { OpenDialog(field, kind, is_folder, folder()); };
   if (kind == PathKind::kFileOrFolder || kind == PathKind::kNewFileOrFolder) {
     auto* menu = new QMenu(button);

@@ -4,14 +4,11 @@
 #include <QDesktopServices>
 #include <QDoubleSpinBox>
 #include <QFileInfo>
-#include <QLabel>
 #include <QPushButton>
 #include <QResizeEvent>
 #include <QSpinBox>
-#include <QSplitter>
 #include <QTableWidget>
 #include <QUrl>
-#include <QVBoxLayout>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -19,6 +16,7 @@
 #include "app/desktop/flow_layout.h"
 #include "app/desktop/number_item.h"
 #include "app/desktop/object_table.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/jobs.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
@@ -41,13 +39,6 @@ constexpr quint64 kSeed = 1;         // as the command's
 enum Column { kKind, kName, kEast, kNorth, kUp, kFaces, kSize, kSigmaH, kSigmaV, kTag, kColumns };
 
 QString Text(const std::string& text) { return QString::fromStdString(text); }
-
-QPushButton* MakeButton(const char* name, const QString& text, const QString& help) {
-  auto* button = new QPushButton(text);
-  button->setObjectName(name);
-  button->setToolTip(help);
-  return button;
-}
 
 bool IsMap(const SketchItem& item) { return item.kind == "tag" || item.kind == "candidate"; }
 bool IsKnown(const SketchItem& item) {
@@ -81,13 +72,8 @@ PlanDesk::PlanDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
 }
 
 void PlanDesk::MakeWidgets() {
-  hint_ = new QLabel;
-  hint_->setObjectName("plan.hint");
-  hint_->setWordWrap(true);
-  prediction_ = new QLabel;
-  prediction_->setObjectName("plan.prediction");
-  prediction_->setWordWrap(true);
-  prediction_->setTextInteractionFlags(Qt::TextSelectableByMouse);
+  hint_ = WrappedLabel("plan.hint");
+  prediction_ = Selectable(WrappedLabel("plan.prediction"));
   const std::vector<std::array<QString, 3>> tools = {
       {"select", tr("Select, move"), tr("Click on an item to select it, drag it to move it")},
       {"tag", tr("Tag"), tr("Click where it is, then where its printed side faces")},
@@ -97,7 +83,7 @@ void PlanDesk::MakeWidgets() {
       {"station", tr("Station"), tr("Click where a panorama is taken")},
       {"path", tr("Path"), tr("Click the corners of a way along which the camera is carried; a double click ends it")}};
   for (const auto& [name, text, help] : tools) {
-    auto* tool = MakeButton(("plan.tool_" + name.toStdString()).c_str(), text, help);
+    auto* tool = MakeButton("plan.tool_" + name, text, help);
     tool->setCheckable(true);
     tool->setAutoExclusive(true);
     tool->setProperty("tool", name);
@@ -111,22 +97,16 @@ void PlanDesk::MakeWidgets() {
   options_ = MakeButton("plan.options", tr("&Options ..."), tr("Camera, speed, noise, gates of the stage plan"));
   page_ = MakeButton("plan.page", tr("Open the &page"), tr("results/plan/index.html in the browser"));
   adopt_ = MakeButton("plan.adopt", tr("Add what is proposed"), tr("Puts the selected place into the sketch as a tag"));
-  suggest_ = new QComboBox;
-  suggest_->setObjectName("plan.suggest");
-  suggest_->setAccessibleName(tr("What to propose"));
+  suggest_ = Named(new QComboBox, "plan.suggest", tr("What to propose"));
   suggest_->addItem(tr("propose nothing"), "");
   suggest_->addItem(tr("propose tags"), "tags");
   suggest_->addItem(tr("propose control"), "control");
   suggest_->addItem(tr("propose passes"), "path");
-  count_ = new QSpinBox;
-  count_->setObjectName("plan.count");
-  count_->setAccessibleName(tr("How many to propose"));
+  count_ = Named(new QSpinBox, "plan.count", tr("How many to propose"));
   count_->setRange(1, 20);
   const auto number = [](const char* name, const QString& prefix, const QString& suffix, double low, double high,
                          double value) {
-    auto* box = new QDoubleSpinBox;
-    box->setObjectName(name);
-    box->setAccessibleName(prefix);
+    auto* box = Named(new QDoubleSpinBox, name, prefix);
     box->setPrefix(prefix + " ");
     box->setSuffix(" " + suffix);
     box->setRange(low, high);
@@ -147,33 +127,17 @@ void PlanDesk::MakeWidgets() {
   gains_->setColumnCount(4);
   HeadPrediction(false);
   for (QTableWidget* table : {items_, tags_, gains_}) table->setSelectionMode(QAbstractItemView::SingleSelection);
-  map_ = new PictureView;
-  map_->setObjectName("plan.map");
-  map_->setAccessibleName(tr("Plan"));
+  map_ = Named(new PictureView, "plan.map", tr("Plan"));
 }
 
 void PlanDesk::Arrange() {
   auto* draw = new FlowLayout;
   for (QPushButton* tool : tools_) draw->addWidget(tool);
   for (QWidget* w : std::initializer_list<QWidget*>{height_, size_, remove_, undo_, redo_, save_}) draw->addWidget(w);
-  auto* predict = new FlowLayout;
-  for (QWidget* w : std::initializer_list<QWidget*>{predict_, suggest_, count_, adopt_, options_, page_}) {
-    predict->addWidget(w);
-  }
-  auto* tables = new QSplitter(Qt::Vertical);
-  for (QTableWidget* table : {items_, tags_, gains_}) tables->addWidget(table);
-  tables->setSizes({240, 200, 160});
-  split_ = new QSplitter;
-  split_->setObjectName("plan.split");
-  split_->addWidget(map_);
-  split_->addWidget(tables);
-  split_->setSizes({600, 500});
-  auto* all = new QVBoxLayout(this);
-  all->addLayout(draw);
-  all->addWidget(hint_);
-  all->addLayout(predict);
-  all->addWidget(prediction_);
-  all->addWidget(split_, 1);
+  auto* predict = InFlow({predict_, suggest_, count_, adopt_, options_, page_});
+  auto* tables = InSplitter(Qt::Vertical, {items_, tags_, gains_}, {240, 200, 160});
+  split_ = Named(InSplitter(Qt::Horizontal, {map_, tables}, {600, 500}), "plan.split");
+  InColumn({draw, hint_, predict, prediction_, {split_, 1}}, this);
 }
 
 void PlanDesk::Connect() {

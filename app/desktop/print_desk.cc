@@ -15,25 +15,22 @@
 #include <QLabel>
 #include <QLineEdit>
 #include <QPushButton>
-#include <QScrollArea>
 #include <QSpinBox>
-#include <QSplitter>
 #include <QTableWidget>
 #include <QTimer>
 #include <QToolButton>
 #include <QUrl>
-#include <QVBoxLayout>
 #include <algorithm>
 #include <tuple>
 
 #include "app/desktop/background.h"
 #include "app/desktop/contrast.h"
-#include "app/desktop/flow_layout.h"
 #include "app/desktop/number_item.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/path_button.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/print_pages.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/command_line.h"
 #include "datasets/io/csv.h"
 #include "survey/tags/tag_family.h"
@@ -52,14 +49,6 @@ constexpr double kLength_mm = 1000, kNominal_mm = 100;
 
 QString Text(const std::string& text) { return QString::fromStdString(text); }
 
-template <typename Widget>
-Widget* Named(Widget* widget, const char* name, const QString& accessible, const QString& help = "") {
-  widget->setObjectName(name);
-  widget->setAccessibleName(accessible);
-  widget->setToolTip(help);
-  return widget;
-}
-
 QDoubleSpinBox* Millimetres(const char* name, const QString& accessible, double low, double high, double value,
                             const QString& help) {
   auto* box = Named(new QDoubleSpinBox, name, accessible, help);
@@ -67,14 +56,6 @@ QDoubleSpinBox* Millimetres(const char* name, const QString& accessible, double 
   box->setValue(value);
   box->setSuffix(PrintDesk::tr(" mm"));
   return box;
-}
-
-QLabel* Words(const char* name) {
-  auto* label = new QLabel;
-  label->setObjectName(name);
-  label->setWordWrap(true);
-  label->setTextInteractionFlags(Qt::TextSelectableByMouse);
-  return label;
 }
 
 // "0-3, 7" of ascending ids.
@@ -135,8 +116,7 @@ void PrintDesk::MakeForm() {
   out_->setPlaceholderText(tr("below print/, named by what it holds"));
   force_ = Named(new QCheckBox(tr("Replace a changed PDF")), "print.force", tr("Replace a changed PDF"),
                  tr("One that was changed since it was written"));
-  command_ = Named(new QLineEdit, "print.command", tr("Equivalent command line"));
-  command_->setReadOnly(true);
+  command_ = ReadOnly(Named(new QLineEdit, "print.command", tr("Equivalent command line")));
   form_ = new QFormLayout;
   form_->setRowWrapPolicy(QFormLayout::WrapLongRows);
   form_->addRow(tr("Print"), what_);
@@ -146,10 +126,8 @@ void PrintDesk::MakeForm() {
   form_->addRow(tr("Family"), family_);
   const auto with_button = [this](QLineEdit* field, PathKind kind) {
     auto* row = new QWidget;
-    auto* line = new QHBoxLayout(row);
-    line->setContentsMargins(0, 0, 0, 0);
-    line->addWidget(field, 1);
-    line->addWidget(MakePathButton(field, kind, [this] { return dir_; }));
+    QWidget* button = MakePathButton(field, kind, [this] { return dir_; });
+    InRow({{field, 1}, button}, row)->setContentsMargins(0, 0, 0, 0);
     return row;
   };
   target_row_ = with_button(target_, PathKind::kFile);
@@ -162,26 +140,20 @@ void PrintDesk::MakeForm() {
 }
 
 void PrintDesk::MakeOutput() {
-  const auto button = [](const char* name, const QString& text, const QString& help) {
-    auto* made = new QPushButton(text);
-    made->setObjectName(name);
-    made->setToolTip(help);
-    return made;
-  };
-  print_ = button("print.print", tr("&Write the PDF"), tr("And adds its tags to tags.yaml (trigpoint print)"));
-  open_ = button("print.open", tr("&Open the PDF"), tr("The selected one, else the last one that was written"));
-  back_ = button("print.back", tr("Previous page"), tr("One page back"));
-  forward_ = button("print.forward", tr("Next page"), tr("One page on"));
-  enter_ = button("print.enter", tr("&Enter"), tr("Corrects sizes_m in tags.yaml: size x measured / nominal"));
+  print_ = MakeButton("print.print", tr("&Write the PDF"), tr("And adds its tags to tags.yaml (trigpoint print)"));
+  open_ = MakeButton("print.open", tr("&Open the PDF"), tr("The selected one, else the last one that was written"));
+  back_ = MakeButton("print.back", tr("Previous page"), tr("One page back"));
+  forward_ = MakeButton("print.forward", tr("Next page"), tr("One page on"));
+  enter_ = MakeButton("print.enter", tr("&Enter"), tr("Corrects sizes_m in tags.yaml: size x measured / nominal"));
   const QString measured = tr("As a ruler shows it");
   across_ = Millimetres("print.across", tr("Measured across"), 0, 5000, 0, measured);
   up_ = Millimetres("print.up", tr("Measured up"), 0, 5000, 0, measured);
   for (QDoubleSpinBox* box : {across_, up_}) box->setSpecialValueText(tr("not measured"));
   nominal_ = Millimetres("print.nominal", tr("Nominal"), 1, 5000, kNominal_mm,
                          tr("As it should be: of the bar, or of the tag's edge"));
-  problem_ = Words("print.problem");
-  status_ = Words("print.status");
-  lengths_ = Words("print.lengths");
+  problem_ = Selectable(WrappedLabel("print.problem"));
+  status_ = Selectable(WrappedLabel("print.status"));
+  lengths_ = Selectable(WrappedLabel("print.lengths"));
   printed_ = MakeTable(
       "print.printed", tr("Printed for this site"),
       {tr("tags"), tr("size (mm)"), tr("measured (mm)"), tr("factor (%)"), tr("printed"), tr("family"), tr("file")});
@@ -194,9 +166,7 @@ void PrintDesk::MakeOutput() {
                          tr("of the tags"),
                          tr("relative to the site's folder")};
   SetHeaderHelp(printed_, help);
-  view_ = new PictureView;
-  view_->setObjectName("print.view");
-  view_->setAccessibleName(tr("Page of the PDF"));
+  view_ = Named(new PictureView, "print.view", tr("Page of the PDF"));
   timer_ = new QTimer(this);
   timer_->setSingleShot(true);
   timer_->setInterval(kPause_ms);
@@ -204,24 +174,11 @@ void PrintDesk::MakeOutput() {
 
 void PrintDesk::Arrange() {
   auto* fields = new QWidget;
-  auto* column = new QVBoxLayout(fields);
-  column->addLayout(form_);
-  column->addStretch(1);
-  auto* scroll = Named(new QScrollArea, "print.form", tr("What to print"));
-  scroll->setWidget(fields);
-  scroll->setWidgetResizable(true);
+  InColumn({form_}, fields)->addStretch(1);
+  auto* scroll = Named(Scrolled(fields), "print.form", tr("What to print"));
   scroll->setFrameShape(QFrame::NoFrame);
   scroll->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
-  auto* buttons = new FlowLayout;
-  for (QWidget* w : {print_, open_}) buttons->addWidget(w);
-  auto* upper = new QWidget;
-  auto* above = new QVBoxLayout(upper);
-  above->setContentsMargins(0, 0, 0, 0);
-  above->addWidget(scroll, 1);
-  above->addWidget(problem_);
-  above->addWidget(command_);
-  above->addLayout(buttons);
-  above->addWidget(status_);
+  auto* upper = Pane({{scroll, 1}, problem_, command_, InFlow({print_, open_}), status_});
   auto* measure = new QGroupBox(tr("Measured on the paper"));
   auto* bars = new QGridLayout(measure);
   const std::vector<std::pair<QString, QWidget*>> lengths = {
@@ -233,25 +190,10 @@ void PrintDesk::Arrange() {
   bars->addWidget(lengths_, 2, 0, 1, 3);
   bars->addWidget(enter_, 3, 0, 1, 3);
   lengths_->setMinimumHeight(2 * fontMetrics().lineSpacing());  // a splitter asks for no more than one line
-  auto* left = new QSplitter(Qt::Vertical);
-  left->addWidget(upper);
-  left->addWidget(measure);
-  left->addWidget(printed_);
-  left->setSizes({440, 130, 130});
-  auto* turn = new FlowLayout;
-  for (QWidget* w : {back_, forward_}) turn->addWidget(w);
-  auto* right = new QWidget;
-  auto* pages = new QVBoxLayout(right);
-  pages->setContentsMargins(0, 0, 0, 0);
-  pages->addLayout(turn);
-  pages->addWidget(view_, 1);
-  auto* split = new QSplitter;
-  split->setObjectName("print.split");
-  split->addWidget(left);
-  split->addWidget(right);
-  split->setSizes({460, 520});
-  auto* all = new QVBoxLayout(this);
-  all->addWidget(split, 1);
+  auto* left = InSplitter(Qt::Vertical, {upper, measure, printed_}, {440, 130, 130});
+  auto* right = Pane({InFlow({back_, forward_}), {view_, 1}});
+  auto* split = Named(InSplitter(Qt::Horizontal, {left, right}, {460, 520}), "print.split");
+  InColumn({{split, 1}}, this);
 }
 
 void PrintDesk::Connect() {

@@ -3,12 +3,13 @@
 #include <QApplication>
 #include <QClipboard>
 #include <QEvent>
-#include <QHBoxLayout>
 #include <QLabel>
 #include <QPlainTextEdit>
 #include <QPushButton>
 #include <QStyle>
 #include <algorithm>
+
+#include "app/desktop/widgets.h"
 
 namespace trigpoint {
 
@@ -22,33 +23,19 @@ ProblemBar::ProblemBar(QWidget* parent) : QFrame(parent) {
   setObjectName("problem");
   auto* icon = new QLabel;
   icon->setPixmap(style()->standardIcon(QStyle::SP_MessageBoxWarning).pixmap(20, 20));
-  label_ = new QLabel;
-  label_->setObjectName("problem.sentence");
-  label_->setAccessibleName(tr("Problem"));
+  label_ = Named(new QLabel, "problem.sentence", tr("Problem"));
   label_->setTextInteractionFlags(Qt::TextSelectableByMouse | Qt::TextSelectableByKeyboard);
   label_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
   QFont bold = label_->font();
   bold.setBold(true);
   label_->setFont(bold);
-  more_ = new QPushButton(tr("&Details"));
-  more_->setObjectName("problem.details");
+  more_ = MakeButton("problem.details", tr("&Details"));
   more_->setCheckable(true);
-  auto* copy = new QPushButton(tr("C&opy"));
-  copy->setObjectName("problem.copy");
-  auto* close = new QPushButton(tr("D&ismiss"));
-  close->setObjectName("problem.close");
-  details_ = new QPlainTextEdit(this);
-  details_->setObjectName("problem.text");
-  details_->setAccessibleName(tr("Details of the problem"));
-  details_->setReadOnly(true);
+  auto* copy = MakeButton("problem.copy", tr("C&opy"));
+  auto* close = MakeButton("problem.close", tr("D&ismiss"));
+  details_ = ReadOnly(Named(new QPlainTextEdit(this), "problem.text", tr("Details of the problem")));
   details_->hide();
-  auto* line = new QHBoxLayout(this);
-  line->setContentsMargins(2, 0, 2, 0);
-  line->addWidget(icon);
-  line->addWidget(label_, 1);
-  line->addWidget(more_);
-  line->addWidget(copy);
-  line->addWidget(close);
+  InRow({icon, {label_, 1}, more_, copy, close}, this)->setContentsMargins(2, 0, 2, 0);
   connect(more_, &QPushButton::toggled, this, [this](bool on) {
     if (!details_) return;  // the window goes
     PlaceDetails();

@@ -3,22 +3,18 @@
 #include <QCheckBox>
 #include <QComboBox>
 #include <QFormLayout>
-#include <QHBoxLayout>
 #include <QHeaderView>
-#include <QLabel>
 #include <QLineEdit>
 #include <QPushButton>
-#include <QSplitter>
 #include <QTableWidget>
-#include <QVBoxLayout>
 
 #include "app/desktop/decisions.h"
 #include "app/desktop/fitted_box.h"
-#include "app/desktop/flow_layout.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/report_text.h"
 #include "app/desktop/run_desk.h"
 #include "app/desktop/views_box.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/reviewed.h"
 #include "eval/text/method_name.h"
 
@@ -43,34 +39,22 @@ void AddRow(QTableWidget* table, const QStringList& cells, const QString& object
 
 ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* decisions, QWidget* parent)
     : QWidget(parent), workspace_(workspace), jobs_(jobs), decisions_(decisions) {
-  const auto edit = [](const char* name, const QString& accessible, const QString& help) {
-    auto* line = new QLineEdit;
-    line->setObjectName(name);
-    line->setAccessibleName(accessible);
-    line->setToolTip(help);
-    return line;
-  };
-  const auto button = [](const char* name, const QString& text, const QString& help) {
-    auto* b = new QPushButton(text);
-    b->setObjectName(name);
-    b->setToolTip(help);
-    return b;
-  };
-  object_ = edit("review.object", tr("Object"),
-                 tr("What the decision is about; what is selected on any desk is entered here"));
+  object_ = Named(new QLineEdit, "review.object", tr("Object"),
+                  tr("What the decision is about; what is selected on any desk is entered here"));
   object_->setPlaceholderText(tr("station:S57, detection:run1/images/000012.jpg#57, ... or select one elsewhere"));
-  reason_ = edit("review.reason", tr("Reason"), tr("Why; kept with the decision in review.jsonl"));
-  user_ = edit("review.user", tr("User"), tr("Who decides; kept with the decision. Empty: the name of your login"));
+  reason_ = Named(new QLineEdit, "review.reason", tr("Reason"), tr("Why; kept with the decision in review.jsonl"));
+  user_ = Named(new QLineEdit, "review.user", tr("User"),
+                tr("Who decides; kept with the decision. Empty: the name of your login"));
   user_->setPlaceholderText(tr("you"));
-  exclude_ = button("review.exclude", tr("&Exclude"), tr("Leave it out of what is solved and evaluated"));
-  restore_ = button("review.restore", tr("&Restore"), tr("Take it in again"));
-  role_ = button("review.role", tr("Change &role"), tr("Control point to check point, or back"));
-  undo_ = button("review.undo", tr("&Undo last"), tr("Take the last decision back (Ctrl+Z, where no text is written)"));
-  redo_ = button("review.redo", tr("Re&do"), tr("Make the decision again that was taken back last (Ctrl+Shift+Z)"));
-  solve_ = button("review.solve", tr("Re-&solve"), tr("Make every result anew that rests on the review"));
-  variant_ = new FittedBox(tr("Variant whose results are made anew and compared"));
-  variant_->setObjectName("review.variant");
-  variant_->setAccessibleName(tr("Variant to solve"));
+  exclude_ = MakeButton("review.exclude", tr("&Exclude"), tr("Leave it out of what is solved and evaluated"));
+  restore_ = MakeButton("review.restore", tr("&Restore"), tr("Take it in again"));
+  role_ = MakeButton("review.role", tr("Change &role"), tr("Control point to check point, or back"));
+  undo_ =
+      MakeButton("review.undo", tr("&Undo last"), tr("Take the last decision back (Ctrl+Z, where no text is written)"));
+  redo_ = MakeButton("review.redo", tr("Re&do"), tr("Make the decision again that was taken back last (Ctrl+Shift+Z)"));
+  solve_ = MakeButton("review.solve", tr("Re-&solve"), tr("Make every result anew that rests on the review"));
+  variant_ = Named(new FittedBox(tr("Variant whose results are made anew and compared")), "review.variant",
+                   tr("Variant to solve"));
   entries_ = MakeTable("review.entries", tr("Decisions"),
                        {tr("entry"), tr("time (UTC)"), tr("user"), tr("action"), tr("object"), tr("reason")});
   changes_ = MakeTable("review.changes", tr("What changed"),
@@ -94,48 +78,22 @@ ReviewDesk::ReviewDesk(Workspace* workspace, JobController* jobs, Decisions* dec
   form->addRow(tr("Object"), object_);
   form->addRow(tr("Reason"), reason_);
   form->addRow(tr("User"), user_);
-  auto* buttons = new FlowLayout;
-  for (QWidget* w : std::initializer_list<QWidget*>{exclude_, restore_, role_, undo_, redo_, variant_, solve_}) {
-    buttons->addWidget(w);
-  }
-  auto* split = new QSplitter(Qt::Vertical);
-  split->addWidget(entries_);
-  auto* lower = new QWidget;
-  lower->setLayout(MakeChanges());
-  split->addWidget(lower);
-  body_ = new QWidget;
-  auto* rows = new QVBoxLayout(body_);
-  rows->setContentsMargins(0, 0, 0, 0);
-  rows->addLayout(form);
-  rows->addLayout(buttons);
-  rows->addWidget(split, 1);
-  empty_ = new QLabel(tr("Open a project (Ctrl+O) to exclude and restore what its results rest on."));
-  empty_->setObjectName("review.empty");
-  empty_->setWordWrap(true);
-  auto* all = new QVBoxLayout(this);
-  all->addWidget(empty_);
-  all->addWidget(body_, 1);
+  auto* buttons = InFlow({exclude_, restore_, role_, undo_, redo_, variant_, solve_});
+  auto* split = InSplitter(Qt::Vertical, {entries_, MakeChanges()});
+  body_ = Pane({form, buttons, {split, 1}});
+  empty_ = WrappedLabel("review.empty", tr("Open a project (Ctrl+O) to exclude and restore what its results rest on."));
+  InColumn({empty_, {body_, 1}}, this);
 
   Connect();
   Refresh();
 }
 
-QVBoxLayout* ReviewDesk::MakeChanges() {
-  small_changes_ = new QCheckBox(tr("changes within 1 sigma, too"));
-  small_changes_->setObjectName("review.small");
+QWidget* ReviewDesk::MakeChanges() {
+  small_changes_ = MakeCheckBox("review.small", tr("changes within 1 sigma, too"));
   views_ = MakeViewsBox("review.views");
-  summary_ = new QLabel(tr("Re-solve to see what the review changes at stations and check points."));
-  summary_->setObjectName("review.summary");
-  summary_->setWordWrap(true);
-  auto* boxes = new FlowLayout;
-  boxes->addWidget(small_changes_);
-  boxes->addWidget(views_);
-  auto* rows = new QVBoxLayout;
-  rows->setContentsMargins(0, 0, 0, 0);
-  rows->addWidget(summary_);
-  rows->addLayout(boxes);
-  rows->addWidget(changes_, 1);
-  return rows;
+  summary_ =
+      WrappedLabel("review.summary", tr("Re-solve to see what the review changes at stations and check points."));
+  return Pane({summary_, InFlow({small_changes_, views_}), {changes_, 1}});
 }
 
 void ReviewDesk::Connect() {

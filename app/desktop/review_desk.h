@@ -14,7 +14,6 @@ class QLabel;
 class QLineEdit;
 class QPushButton;
 class QTableWidget;
-class QVBoxLayout;
 
 namespace trigpoint {
 
@@ -37,7 +36,7 @@ class ReviewDesk : public QWidget {
 
  private:
   void Connect();
-  QVBoxLayout* MakeChanges();  // what re-solving changed
+  QWidget* MakeChanges();  // what re-solving changed
   void Refresh();
   void Forget();  // before another project is opened
   void Decide(const char* action);

@@ -4,7 +4,6 @@
 #include <QClipboard>
 #include <QComboBox>
 #include <QFormLayout>
-#include <QHBoxLayout>
 #include <QHeaderView>
 #include <QLabel>
 #include <QLineEdit>
@@ -12,13 +11,10 @@
 #include <QPlainTextEdit>
 #include <QProgressBar>
 #include <QPushButton>
-#include <QScrollArea>
 #include <QSpinBox>
-#include <QSplitter>
 #include <QTabWidget>
 #include <QTableWidget>
 #include <QTime>
-#include <QVBoxLayout>
 #include <cmath>
 
 #include "app/desktop/calibration_sheet.h"
@@ -28,6 +24,7 @@
 #include "app/desktop/site_tree.h"
 #include "app/desktop/stage_form.h"
 #include "app/desktop/stage_graph.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/command_line.h"
 
 namespace trigpoint {
@@ -35,13 +32,6 @@ namespace trigpoint {
 namespace {
 
 constexpr double kLong_s = 60;  // from here on one is asked before something is computed again
-
-template <typename Widget>
-Widget* Named(Widget* widget, const char* object, const QString& accessible) {
-  widget->setObjectName(object);
-  widget->setAccessibleName(accessible);
-  return widget;
-}
 
 // The longest text of a box must not make the window wide.
 QComboBox* Narrow(QComboBox* box) {
@@ -141,28 +131,25 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
 
 void RunDesk::MakeControls() {
   graph_ = new StageGraph;
-  stage_ = Narrow(Named(new ElidedBox, "run.stage", tr("Stage")));
-  runs_ = Named(new QListWidget, "run.runs", tr("Runs"));
+  stage_ =
+      Narrow(Named(new ElidedBox, "run.stage", tr("Stage"), tr("What is made: one stage, or all that is out of date")));
+  runs_ = Named(new QListWidget, "run.runs", tr("Runs"),
+                tr("Those that are ticked are run; all ticked: also runs that are added later"));
   runs_->setMaximumHeight(5 * fontMetrics().height());
-  runs_->setToolTip(tr("Those that are ticked are run; all ticked: also runs that are added later"));
-  stage_->setToolTip(tr("What is made: one stage, or all that is out of date"));
-  variant_ = Named(new QComboBox, "run.variant", tr("Variant"));
+  variant_ = Named(new QComboBox, "run.variant", tr("Variant"),
+                   tr("A second set of results beside the first; empty: the first"));
   variant_->setEditable(true);
-  variant_->setToolTip(tr("A second set of results beside the first; empty: the first"));
-  threads_ = Named(new QSpinBox, "run.threads", tr("Threads"));
+  threads_ = Named(new QSpinBox, "run.threads", tr("Threads"),
+                   tr("How many threads compute; 0: one for each core. The results do not depend on it"));
   threads_->setRange(0, 4096);
   threads_->setSpecialValueText(tr("all cores"));
-  threads_->setToolTip(tr("How many threads compute; 0: one for each core. The results do not depend on it"));
-  seed_ = Named(new QSpinBox, "run.seed", tr("Seed"));
+  seed_ = Named(new QSpinBox, "run.seed", tr("Seed"),
+                tr("Where random numbers begin. Another seed makes every result anew"));
   seed_->setRange(0, 1 << 30);
   seed_->setValue(1);
-  seed_->setToolTip(tr("Where random numbers begin. Another seed makes every result anew"));
   form_ = new StageForm;
-  scroll_ = Named(new QScrollArea, "run.form", tr("Options"));
-  scroll_->setWidget(form_);
-  scroll_->setWidgetResizable(true);
-  command_ = Named(new QLineEdit, "run.command", tr("Equivalent command line"));
-  command_->setReadOnly(true);
+  scroll_ = Named(Scrolled(form_), "run.form", tr("Options"));
+  command_ = ReadOnly(Named(new QLineEdit, "run.command", tr("Equivalent command line")));
   copy_ = Named(new QPushButton(tr("Copy")), "run.copy", tr("Copy the command line"));
   problem_ = Named(new QLabel, "run.problem", tr("What is wrong with the options"));
   problem_->setWordWrap(true);
@@ -173,8 +160,7 @@ void RunDesk::MakeControls() {
   bar_ = Named(new QProgressBar, "run.progress", tr("Progress"));
   status_ = Named(new QLabel(tr("Nothing runs.")), "run.status", tr("State of the run"));
   status_->setWordWrap(true);
-  log_ = Named(new QPlainTextEdit, "run.log", tr("Log"));
-  log_->setReadOnly(true);
+  log_ = ReadOnly(Named(new QPlainTextEdit, "run.log", tr("Log")));
   log_->setMaximumBlockCount(5000);
 
   expected_ = Named(new QLabel, "run.expected", tr("How long it took the last time"));
@@ -204,44 +190,16 @@ void RunDesk::Arrange() {
   choices->addRow(tr("Threads"), threads_);
   choices->addRow(tr("Seed"), seed_);
   auto* options = new QWidget;
-  auto* left = new QVBoxLayout(options);
-  left->addWidget(choice);
-  left->addWidget(scroll_, 1);
-  left->addWidget(problem_);
-  left->addWidget(expected_);
-  auto* line = new QHBoxLayout;
-  line->addWidget(new QLabel(tr("Command")));
-  line->addWidget(command_, 1);
-  line->addWidget(copy_);
-  left->addLayout(line);
-  auto* buttons = new QHBoxLayout;
-  buttons->addWidget(run_);
-  buttons->addWidget(cancel_);
-  buttons->addStretch();
-  buttons->addWidget(reset_);
-  left->addLayout(buttons);
-  auto* progress = new QWidget;
-  auto* right = new QVBoxLayout(progress);
-  right->addWidget(status_);
-  right->addWidget(bar_);
-  auto* drawn = new QScrollArea;
-  drawn->setWidget(graph_);
-  drawn->setWidgetResizable(true);
+  auto* line = InRow({new QLabel(tr("Command")), {command_, 1}, copy_});
+  InColumn({choice, {scroll_, 1}, problem_, expected_, line, InRow({run_, cancel_, {}, reset_})}, options);
   auto* states = Named(new QTabWidget, "run.states", tr("Stages and results"));
-  states->addTab(drawn, tr("Stages"));
+  states->addTab(Scrolled(graph_), tr("Stages"));
   states->addTab(results_, tr("Results"));
-  auto* below = new QSplitter(Qt::Vertical);
-  below->addWidget(states);
-  below->addWidget(log_);
-  below->setSizes({700, 100});
-  right->addWidget(below, 1);
-  auto* split = new QSplitter;
-  split->addWidget(options);
-  split->addWidget(progress);
-  split->setSizes({600, 400});
-  auto* all = new QVBoxLayout(this);
-  all->setContentsMargins(0, 0, 0, 0);
-  all->addWidget(split);
+  auto* below = InSplitter(Qt::Vertical, {states, log_}, {700, 100});
+  auto* progress = new QWidget;
+  InColumn({status_, bar_, {below, 1}}, progress);
+  auto* split = InSplitter(Qt::Horizontal, {options, progress}, {600, 400});
+  InColumn({split}, this)->setContentsMargins(0, 0, 0, 0);
 }
 
 void RunDesk::ConnectJobs() {

@@ -11,7 +11,6 @@
 #include <QEvent>
 #include <QFileDialog>
 #include <QFormLayout>
-#include <QHBoxLayout>
 #include <QInputDialog>
 #include <QLabel>
 #include <QListWidget>
@@ -19,15 +18,12 @@
 #include <QPushButton>
 #include <QSlider>
 #include <QSpinBox>
-#include <QSplitter>
 #include <QTabWidget>
 #include <QToolButton>
-#include <QVBoxLayout>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "app/desktop/background.h"
-#include "app/desktop/flow_layout.h"
 #include "app/desktop/inspector.h"
 #include "app/desktop/measurement.h"
 #include "app/desktop/picture_view.h"
@@ -36,6 +32,7 @@
 #include "app/desktop/scene_overlay.h"
 #include "app/desktop/scene_styles.h"
 #include "app/desktop/scene_vtk.h"
+#include "app/desktop/widgets.h"
 #include "calib/base/error.h"
 #include "calib/base/memory.h"
 #include "datasets/io/image.h"
@@ -129,70 +126,42 @@ SceneDesk::SceneDesk(Workspace* workspace, Kind kind, QWidget* parent)
 }
 
 void SceneDesk::MakeControls() {
-  mode_ = new QComboBox;
-  mode_->setObjectName("scene.mode");
-  mode_->setAccessibleName(tr("How the mouse moves the view"));
+  mode_ = Named(new QComboBox, "scene.mode", tr("How the mouse moves the view"));
   mode_->addItem(tr("orbit"), "orbit");
   mode_->addItem(tr("fly"), "fly");
   mode_->addItem(tr("plan"), "plan");
-  colour_ = new QComboBox;
-  colour_->setObjectName("scene.colour");
-  colour_->setAccessibleName(tr("Colour of the points"));
+  colour_ = Named(new QComboBox, "scene.colour", tr("Colour of the points"));
   colour_->addItem(tr("points by height"), static_cast<int>(PointColour::kHeight));
   colour_->addItem(tr("points by track length"), static_cast<int>(PointColour::kTrackLength));
   colour_->addItem(tr("points by uncertainty"), static_cast<int>(PointColour::kUncertainty));
   colour_->addItem(tr("points by residual"), static_cast<int>(PointColour::kResidual));
   colour_->addItem(tr("points as in the pictures"), static_cast<int>(PointColour::kPicture));
-  variant_ = new QComboBox;
-  variant_->setObjectName("scene.variant");
-  variant_->setAccessibleName(tr("Variant"));
-  run_ = new QComboBox;
-  run_->setObjectName("scene.run");
-  run_->setAccessibleName(tr("Run to move along"));
-  layers_ = new QListWidget;
-  layers_->setObjectName("scene.layers");
-  layers_->setAccessibleName(tr("Layers"));
-  follow_ = new QCheckBox(tr("follow camera"));
-  follow_->setObjectName("scene.follow");
-  measure_ = new QCheckBox(tr("measure"));
-  measure_->setObjectName("scene.measure");
-  measure_->setToolTip(tr("Two clicks on things of the scene: the distance between them"));
-  step_ = new QPushButton(tr("Step &inside"));
-  step_->setObjectName("scene.inside");
-  step_->setToolTip(tr("Stand in the selected panorama and see points and tags drawn over it"));
-  screenshot_ = new QPushButton(tr("Screen&shot ..."));
-  screenshot_->setObjectName("scene.screenshot");
-  time_ = new QSlider(Qt::Horizontal);
-  time_->setObjectName("scene.time");
-  time_->setAccessibleName(tr("Place along the run"));
-  text_ = new QLabel;
-  text_->setObjectName("scene.text");
-  text_->setWordWrap(true);
-  text_->setTextInteractionFlags(Qt::TextSelectableByMouse);
-  note_ = new QLabel;
-  note_->setObjectName("scene.note");
-  note_->setAccessibleName(tr("Notes on the scene"));
+  variant_ = Named(new QComboBox, "scene.variant", tr("Variant"));
+  run_ = Named(new QComboBox, "scene.run", tr("Run to move along"));
+  layers_ = Named(new QListWidget, "scene.layers", tr("Layers"));
+  follow_ = MakeCheckBox("scene.follow", tr("follow camera"));
+  measure_ =
+      MakeCheckBox("scene.measure", tr("measure"), tr("Two clicks on things of the scene: the distance between them"));
+  step_ = MakeButton("scene.inside", tr("Step &inside"),
+                     tr("Stand in the selected panorama and see points and tags drawn over it"));
+  screenshot_ = MakeButton("scene.screenshot", tr("Screen&shot ..."));
+  time_ = Named(new QSlider(Qt::Horizontal), "scene.time", tr("Place along the run"));
+  text_ = Selectable(WrappedLabel("scene.text"));
+  note_ = Selectable(Named(new QLabel, "scene.note", tr("Notes on the scene")));
   note_->setWordWrap(true);
-  note_->setTextInteractionFlags(Qt::TextSelectableByMouse);
   note_->hide();
   camera_ = new QLabel;
-  place_ = new QLabel;
-  place_->setObjectName("scene.place");
-  place_->setAccessibleName(tr("Coordinates under the mouse"));
-  place_->setTextInteractionFlags(Qt::TextSelectableByMouse);
-  place_->setToolTip(tr("On the ground under the mouse; Ctrl+C in the view copies it"));
+  place_ = Selectable(Named(new QLabel, "scene.place", tr("Coordinates under the mouse"),
+                            tr("On the ground under the mouse; Ctrl+C in the view copies it")));
   place_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
   measurements_ = new MeasurementList(workspace_);
-  picture_ = new PictureView;
-  picture_->setAccessibleName(tr("Image of what is picked"));
+  picture_ = Named(new PictureView, "", tr("Image of what is picked"));
   MakeLook();
   MakeInside();
 }
 
 void SceneDesk::MakeView() {
-  vtk_->widget = new QVTKOpenGLNativeWidget;
-  vtk_->widget->setObjectName("scene.view");
-  vtk_->widget->setAccessibleName(tr("Scene"));
+  vtk_->widget = Named(new QVTKOpenGLNativeWidget, "scene.view", tr("Scene"));
   vtk_->widget->setFocusPolicy(Qt::StrongFocus);
   vtk_->widget->setRenderWindow(vtk_->window);
   vtk_->window->SetNumberOfLayers(2);
@@ -242,45 +211,24 @@ void SceneDesk::MakeView() {
 }
 
 void SceneDesk::Arrange() {
-  auto* panel = new QWidget;
-  auto* column = new QVBoxLayout(panel);
-  column->setContentsMargins(0, 0, 0, 0);
-  column->addWidget(ArrangeLook(), 3);
-  column->addWidget(text_);
-  column->addWidget(note_);
-  column->addWidget(picture_, 2);
-  auto* top = new FlowLayout;
-  auto* save = new QPushButton(tr("Save m&easurements ..."));
-  save->setObjectName("scene.save_measurements");
-  save->setToolTip(tr("The list of measurements with their sigmas, as CSV"));
+  auto* panel = Pane({{ArrangeLook(), 3}, text_, note_, {picture_, 2}});
+  auto* save = MakeButton("scene.save_measurements", tr("Save m&easurements ..."),
+                          tr("The list of measurements with their sigmas, as CSV"));
   save->hide();
   connect(save, &QPushButton::clicked, this, &SceneDesk::SaveMeasurements);
   connect(measurements_, &MeasurementList::Filled, save, &QWidget::setVisible);
-  for (QWidget* w : std::initializer_list<QWidget*>{mode_, variant_, measure_, save, edl_, step_, previous_, next_,
-                                                    inside_run_, screenshot_}) {
-    top->addWidget(w);
-  }
-  auto* bottom = new QHBoxLayout;
-  bottom->addWidget(run_);
-  bottom->addWidget(time_, 1);
-  bottom->addWidget(camera_);
-  bottom->addWidget(follow_);
+  auto* top = InFlow({mode_, variant_, measure_, save, edl_, step_, previous_, next_, inside_run_, screenshot_});
+  auto* bottom = InRow({run_, {time_, 1}, camera_, follow_});
   auto* middle = new QWidget;
-  auto* rows = new QVBoxLayout(middle);
+  auto* rows = InColumn({top, {vtk_->widget, 1}}, middle);
   rows->setContentsMargins(0, 0, 0, 0);
-  rows->addLayout(top);
-  rows->addWidget(vtk_->widget, 1);
   if (kind_ == Kind::kCompact) rows->addWidget(place_);
   rows->addLayout(bottom);
   rows->addWidget(measurements_);
   measurements_->setMaximumHeight(6 * fontMetrics().height() + 20);
-  auto* split = new QSplitter;
-  split->addWidget(middle);
-  split->addWidget(panel);
+  auto* split = InSplitter(Qt::Horizontal, {middle, panel}, {800, 220});
   split->setStretchFactor(0, 1);
-  split->setSizes({800, 220});
-  auto* all = new QVBoxLayout(this);
-  all->addWidget(split);
+  auto* all = InColumn({split}, this);
   if (kind_ == Kind::kCompact) {
     top->addWidget(colour_);
     panel->hide();

@@ -11,13 +11,13 @@
 #include <QSpinBox>
 #include <QTabWidget>
 #include <QToolButton>
-#include <QVBoxLayout>
 #include <cmath>
 
 #include "app/desktop/background.h"
 #include "app/desktop/scene_desk.h"
 #include "app/desktop/scene_overlay.h"
 #include "app/desktop/scene_vtk.h"
+#include "app/desktop/widgets.h"
 #include "calib/base/error.h"
 #include "datasets/export/crs.h"
 
@@ -29,33 +29,30 @@ constexpr int kOverlayMargin_px = 8;
 constexpr double kAlmostAbove = 0.018;  // of the direction from above: north stays up
 
 template <typename Widget>
-Widget* Named(Widget* widget, const char* name, const QString& meaning) {
-  widget->setObjectName(name);
-  widget->setAccessibleName(meaning);
-  widget->setToolTip(meaning);
-  return widget;
+Widget* Explained(Widget* widget, const char* name, const QString& meaning) {
+  return Named(widget, name, meaning, meaning);
 }
 
 }  // namespace
 
 void SceneDesk::MakeLook() {
-  opacity_ = Named(new QSlider(Qt::Horizontal), "scene.opacity", tr("Opacity of the chosen layer"));
+  opacity_ = Explained(new QSlider(Qt::Horizontal), "scene.opacity", tr("Opacity of the chosen layer"));
   opacity_->setRange(5, 100);
   opacity_->setValue(100);
   opacity_->setEnabled(false);
-  size_ = Named(new QSlider(Qt::Horizontal), "scene.size", tr("Size of the points"));
+  size_ = Explained(new QSlider(Qt::Horizontal), "scene.size", tr("Size of the points"));
   size_->setRange(1, 10);
   size_->setValue(2);
-  runs_ = Named(new QListWidget, "scene.runs", tr("Runs that are shown, on all layers"));
-  percentiles_ = Named(new QCheckBox(tr("by percentile")), "scene.percentiles",
-                       tr("Spreads the colours evenly over the points, so that outliers do not use up the scale"));
-  edl_ = Named(new QCheckBox(tr("depth shading")), "scene.edl",
-               tr("Outlines what stands before something else (eye-dome lighting), while the view rests"));
-  least_images_ = Named(new QSpinBox, "scene.least_images", tr("Only points that at least so many images see"));
+  runs_ = Explained(new QListWidget, "scene.runs", tr("Runs that are shown, on all layers"));
+  percentiles_ = Explained(new QCheckBox(tr("by percentile")), "scene.percentiles",
+                           tr("Spreads the colours evenly over the points, so that outliers do not use up the scale"));
+  edl_ = Explained(new QCheckBox(tr("depth shading")), "scene.edl",
+                   tr("Outlines what stands before something else (eye-dome lighting), while the view rests"));
+  least_images_ = Explained(new QSpinBox, "scene.least_images", tr("Only points that at least so many images see"));
   least_images_->setRange(0, 1000);
   least_images_->setSpecialValueText(tr("any"));
   const auto most = [this](const char* name, const QString& meaning, int decimals) {
-    auto* box = Named(new QDoubleSpinBox, name, meaning);
+    auto* box = Explained(new QDoubleSpinBox, name, meaning);
     box->setDecimals(decimals);
     box->setRange(0, 1000);
     box->setSingleStep(decimals > 2 ? 0.01 : 0.25);
@@ -67,33 +64,27 @@ void SceneDesk::MakeLook() {
   most_residual_ =
       most("scene.most_residual", tr("Only points whose mean reprojection error is at most so many pixels"), 2);
   most_residual_->setSuffix(" px");
-  points_shown_ = new QLabel;
-  points_shown_->setObjectName("scene.points_shown");
+  points_shown_ = Named(new QLabel, "scene.points_shown");
   ShowFilterUnit();
 }
 
 void SceneDesk::MakeInside() {
   const auto button = [](const char* name, Qt::ArrowType arrow, const QString& meaning) {
-    auto* b = Named(new QToolButton, name, meaning);
+    auto* b = Explained(new QToolButton, name, meaning);
     b->setArrowType(arrow);
     b->hide();
     return b;
   };
   previous_ = button("scene.previous", Qt::LeftArrow, tr("The run's previous panorama (Page Up)"));
   next_ = button("scene.next", Qt::RightArrow, tr("The run's next panorama (Page Down)"));
-  inside_run_ = Named(new QComboBox, "scene.inside_run", tr("The run by which this panorama is localized"));
+  inside_run_ = Explained(new QComboBox, "scene.inside_run", tr("The run by which this panorama is localized"));
   inside_run_->hide();
 }
 
 QTabWidget* SceneDesk::ArrangeLook() {
-  auto* layers = new QWidget;
-  auto* column = new QVBoxLayout(layers);
-  column->setContentsMargins(0, 0, 0, 0);
-  column->addWidget(layers_, 1);
-  column->addWidget(runs_);
   auto* look = new QFormLayout;
   look->addRow(tr("opacity"), opacity_);
-  column->addLayout(look);
+  auto* layers = Pane({{layers_, 1}, runs_, look});
   auto* points = new QWidget;
   auto* form = new QFormLayout(points);
   form->setContentsMargins(4, 4, 4, 4);
@@ -106,9 +97,7 @@ QTabWidget* SceneDesk::ArrangeLook() {
   form->addRow(tr("residual, at most"), most_residual_);
   form->addRow(points_shown_);
   if (kind_ == Kind::kFull) colour_->setSizeAdjustPolicy(QComboBox::AdjustToMinimumContentsLengthWithIcon);
-  auto* tabs = new QTabWidget;
-  tabs->setObjectName("scene.look");
-  tabs->setAccessibleName(tr("How the scene is drawn"));
+  auto* tabs = Named(new QTabWidget, "scene.look", tr("How the scene is drawn"));
   tabs->addTab(layers, tr("Layers"));
   tabs->addTab(points, tr("Points"));
   return tabs;

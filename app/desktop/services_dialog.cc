@@ -7,20 +7,18 @@
 #include <QFormLayout>
 #include <QHBoxLayout>
 #include <QHeaderView>
-#include <QLabel>
 #include <QLineEdit>
 #include <QPushButton>
 #include <QSpinBox>
-#include <QSplitter>
 #include <QTableWidget>
 #include <QTimer>
 #include <QToolButton>
-#include <QVBoxLayout>
 
 #include "app/desktop/background.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/path_button.h"
 #include "app/desktop/polled_progress.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/command_line.h"
 #include "datasets/import/run_track.h"
 #include "datasets/io/capture_date.h"
@@ -67,21 +65,13 @@ ServicesDialog::ServicesDialog(Workspace* workspace, QWidget* parent, Open open)
   MakeFields();
   MakeTable();
   map_ = new ServicesMap;
-  auto* split = new QSplitter(Qt::Vertical);
-  split->addWidget(map_);
-  split->addWidget(table_);
-  split->setSizes({3000, 2000});  // a ratio: the splitter scales them to its height
-  command_ = new QLineEdit;
-  command_->setObjectName("services.line");
-  command_->setAccessibleName(tr("Equivalent command line"));
-  command_->setReadOnly(true);
-  status_ = new QLabel(tr("Search lists what a service has along the run; it downloads nothing."));
-  status_->setObjectName("services.status");
-  status_->setWordWrap(true);
+  auto* split =
+      InSplitter(Qt::Vertical, {map_, table_}, {3000, 2000});  // a ratio: the splitter scales them to its height
+  command_ = ReadOnly(Named(new QLineEdit, "services.line", tr("Equivalent command line")));
+  status_ = WrappedLabel("services.status", tr("Search lists what a service has along the run; it downloads nothing."));
   auto* buttons = new QHBoxLayout;
   const auto button = [&](const QString& text, const char* name, auto&& done) {
-    auto* made = new QPushButton(text);
-    made->setObjectName(name);
+    auto* made = MakeButton(name, text);
     made->setAutoDefault(false);
     connect(made, &QPushButton::clicked, this, done);
     buttons->addWidget(made);
@@ -101,12 +91,7 @@ ServicesDialog::ServicesDialog(Workspace* workspace, QWidget* parent, Open open)
   });
   button(tr("Close"), "services.close", [this] { close(); });
   auto* fields = findChild<QWidget*>("services.fields");
-  auto* column = new QVBoxLayout(this);
-  column->addWidget(fields);
-  column->addWidget(split, 1);
-  column->addWidget(command_);
-  column->addWidget(status_);
-  column->addLayout(buttons);
+  InColumn({fields, {split, 1}, command_, status_, buttons}, this);
   resize(900, 760);
   timer_ = new QTimer(this);
   timer_->setInterval(kLook_ms);
@@ -178,9 +163,7 @@ void ServicesDialog::MakeFields() {
 }
 
 void ServicesDialog::MakeTable() {
-  table_ = new QTableWidget(0, kColumns);
-  table_->setObjectName("services.table");
-  table_->setAccessibleName(tr("Panoramas that were found"));
+  table_ = Named(new QTableWidget(0, kColumns), "services.table", tr("Panoramas that were found"));
   table_->setHorizontalHeaderLabels({tr("Pick"), tr("Source"), tr("Panorama"), tr("Taken"), tr("Away"), tr("Heading"),
                                      tr("Width"), tr("Licence"), tr("Owner")});
   SetHeaderHelp(table_,

@@ -13,6 +13,7 @@
 #include <cmath>
 
 #include "app/desktop/path_button.h"
+#include "app/desktop/widgets.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -114,16 +115,11 @@ QStringList ChoicesOf(const OptionDescription& option, const StageForm::Check& c
 }
 
 StageForm::StageForm(QWidget* parent) : QWidget(parent) {
-  filter_ = new QLineEdit;
-  filter_->setObjectName("option.filter");
-  filter_->setAccessibleName(tr("Find an option"));
+  filter_ = Named(new QLineEdit, "option.filter", tr("Find an option"));
   filter_->setPlaceholderText(tr("find an option by name or meaning"));
   filter_->setClearButtonEnabled(true);
   none_ = new QLabel(tr("This stage has no options."));
-  column_ = new QVBoxLayout(this);
-  column_->addWidget(filter_);
-  column_->addWidget(none_);
-  column_->addStretch();
+  column_ = InColumn({filter_, none_, {}}, this);
   connect(filter_, &QLineEdit::textChanged, this, &StageForm::Find);
   connect(this, &StageForm::Changed, this, &StageForm::ShowProblems);
 }
@@ -215,17 +211,13 @@ void StageForm::AddField(const Field& given, QFormLayout* form) {
   if (field.edit != nullptr && option.path != PathKind::kNone) {
     line->addWidget(MakePathButton(field.edit, option.path, [this] { return folder_; }));
   }
-  auto* texts = new QVBoxLayout;
-  texts->setSpacing(0);
   auto* text = new QLabel(QString("<small>%1<br><i>%2</i></small>").arg(facts.toHtmlEscaped(), help.toHtmlEscaped()));
   text->setWordWrap(true);
-  field.problem = new QLabel;
-  field.problem->setObjectName("problem." + name);
-  field.problem->setWordWrap(true);
+  field.problem = WrappedLabel("problem." + name);
   field.problem->setStyleSheet("color: #d03020;");
   field.problem->hide();
-  texts->addWidget(text);
-  texts->addWidget(field.problem);
+  auto* texts = InColumn({text, field.problem});
+  texts->setSpacing(0);
   line->addLayout(texts, 1);
   auto* label = new QLabel(QString::fromStdString(field.Name()));
   label->setBuddy(input);

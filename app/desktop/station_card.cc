@@ -2,10 +2,8 @@
 
 #include <QCheckBox>
 #include <QHeaderView>
-#include <QLabel>
 #include <QPushButton>
 #include <QTableWidget>
-#include <QVBoxLayout>
 #include <algorithm>
 #include <cmath>
 #include <tuple>
@@ -17,6 +15,7 @@
 #include "app/desktop/overview.h"
 #include "app/desktop/report_text.h"
 #include "app/desktop/tolerance.h"
+#include "app/desktop/widgets.h"
 #include "datasets/project/project.h"
 #include "eval/text/method_name.h"
 
@@ -39,18 +38,10 @@ std::optional<double> SigmaInSpace(const ErrorRecord& e) {
 }  // namespace
 
 StationCard::StationCard(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  title_ = new QLabel;
-  title_->setObjectName("card.title");
-  title_->setWordWrap(true);
-  note_ = new QLabel;
-  note_->setObjectName("card.note");
-  note_->setWordWrap(true);
-  views_ = new QCheckBox(tr("also each &view (G1)"));
-  views_->setObjectName("card.views");
-  views_->setToolTip(tr("Besides the final answers, panorama (G2), those of each rectilinear view by itself"));
-  table_ = new QTableWidget;
-  table_->setObjectName("card.table");
-  table_->setAccessibleName(tr("Errors of the selected station"));
+  title_ = WrappedLabel("card.title");
+  note_ = WrappedLabel("card.note");
+  views_ = MakeViewsBox("card.views");
+  table_ = Named(new QTableWidget, "card.table", tr("Errors of the selected station"));
   table_->setEditTriggers(QAbstractItemView::NoEditTriggers);
   table_->setSelectionBehavior(QAbstractItemView::SelectRows);
   table_->setWordWrap(false);
@@ -59,8 +50,7 @@ StationCard::StationCard(Workspace* workspace, QWidget* parent) : QWidget(parent
   buttons_ = new QWidget;
   auto* buttons = new FlowLayout(buttons_);
   const auto add = [&](const char* name, const QString& text, auto clicked) {
-    auto* button = new QPushButton(text);
-    button->setObjectName(name);
+    auto* button = MakeButton(name, text);
     buttons->addWidget(button);
     connect(button, &QPushButton::clicked, this, [this, button, clicked] { clicked(button); });
   };
@@ -68,13 +58,7 @@ StationCard::StationCard(Workspace* workspace, QWidget* parent) : QWidget(parent
   add("card.image", tr("Best &image"), [this](QPushButton*) { emit ImageRequested(object_); });
   add("card.decide", tr("&Decide ..."),
       [this](QPushButton* button) { workspace_->AskMenu(object_, button->mapToGlobal(QPoint(0, button->height()))); });
-  auto* column = new QVBoxLayout(this);
-  column->setContentsMargins(4, 4, 4, 4);
-  column->addWidget(title_);
-  column->addWidget(table_, 1);
-  column->addWidget(note_);
-  column->addWidget(views_);
-  column->addWidget(buttons_);
+  InColumn({title_, {table_, 1}, note_, views_, buttons_}, this)->setContentsMargins(4, 4, 4, 4);
   AskMenuOn(table_, workspace_, Qt::UserRole);
   connect(table_, &QTableWidget::cellActivated, this, [this] { emit ImageRequested(object_); });
   connect(views_, &QCheckBox::toggled, this, &StationCard::Show);

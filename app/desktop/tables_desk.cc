@@ -3,7 +3,6 @@
 #include <QApplication>
 #include <QClipboard>
 #include <QFileDialog>
-#include <QHBoxLayout>
 #include <QHeaderView>
 #include <QLabel>
 #include <QLineEdit>
@@ -12,10 +11,8 @@
 #include <QSettings>
 #include <QShortcut>
 #include <QSortFilterProxyModel>
-#include <QSplitter>
 #include <QTableView>
 #include <QTreeWidget>
-#include <QVBoxLayout>
 #include <algorithm>
 #include <map>
 #include <optional>
@@ -25,6 +22,7 @@
 #include "app/desktop/column_help.h"
 #include "app/desktop/object_table.h"
 #include "app/desktop/tolerance.h"
+#include "app/desktop/widgets.h"
 #include "datasets/io/natural_order.h"
 #include "eval/text/method_name.h"
 
@@ -176,47 +174,24 @@ QVariant DataTableModel::headerData(int section, Qt::Orientation orientation, in
 }
 
 TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent), workspace_(workspace) {
-  tree_ = new QTreeWidget;
-  tree_->setObjectName("tables.tree");
-  tree_->setAccessibleName(tr("Tables"));
+  tree_ = Named(new QTreeWidget, "tables.tree", tr("Tables"));
   tree_->setHeaderHidden(true);
   tree_->setUniformRowHeights(true);
   tree_->setTextElideMode(Qt::ElideMiddle);  // many begin alike
-  filter_ = new QLineEdit;
-  filter_->setObjectName("tables.filter");
-  filter_->setAccessibleName(tr("Filter of the rows"));
+  filter_ = Named(new QLineEdit, "tables.filter", tr("Filter of the rows"));
   filter_->setPlaceholderText(tr("filter"));
   filter_->setClearButtonEnabled(true);
-  count_ = new QLabel;
-  count_->setObjectName("tables.count");
-  auto* copy = new QPushButton(tr("&Copy"));
-  copy->setObjectName("tables.copy");
-  copy->setToolTip(tr("Copy the selected rows (Ctrl+C)"));
-  auto* save = new QPushButton(tr("&Export ..."));
-  save->setObjectName("tables.export");
-  auto* columns = new QPushButton(tr("Co&lumns ..."));
-  columns->setObjectName("tables.columns");
-  columns->setToolTip(tr("Choose the columns that are shown; also by a right click on the header"));
+  count_ = Named(new QLabel, "tables.count");
+  auto* copy = MakeButton("tables.copy", tr("&Copy"), tr("Copy the selected rows (Ctrl+C)"));
+  auto* save = MakeButton("tables.export", tr("&Export ..."));
+  auto* columns = MakeButton("tables.columns", tr("Co&lumns ..."),
+                             tr("Choose the columns that are shown; also by a right click on the header"));
   MakeView();
-  auto* line = new QHBoxLayout;
-  line->addWidget(filter_, 1);
-  line->addWidget(count_);
-  line->addWidget(columns);
-  line->addWidget(copy);
-  line->addWidget(save);
-  auto* right = new QWidget;
-  auto* rows = new QVBoxLayout(right);
-  rows->setContentsMargins(0, 0, 0, 0);
-  rows->addLayout(line);
-  rows->addWidget(view_, 1);
-  rows->addWidget(empty_, 1);
-  auto* split = new QSplitter;
-  split->addWidget(tree_);
-  split->addWidget(right);
+  auto* line = InRow({{filter_, 1}, count_, columns, copy, save});
+  auto* right = Pane({line, {view_, 1}, {empty_, 1}});
+  auto* split = InSplitter(Qt::Horizontal, {tree_, right}, {200, 850});
   split->setStretchFactor(1, 1);
-  split->setSizes({200, 850});
-  auto* all = new QVBoxLayout(this);
-  all->addWidget(split);
+  InColumn({split}, this);
 
   view_->horizontalHeader()->setContextMenuPolicy(Qt::CustomContextMenu);
   connect(view_->horizontalHeader(), &QWidget::customContextMenuRequested, this,
@@ -268,9 +243,7 @@ TablesDesk::TablesDesk(Workspace* workspace, QWidget* parent) : QWidget(parent),
 }
 
 void TablesDesk::MakeView() {
-  view_ = new QTableView;
-  view_->setObjectName("tables.view");
-  view_->setAccessibleName(tr("Rows of the table"));
+  view_ = Named(new QTableView, "tables.view", tr("Rows of the table"));
   view_->setSelectionBehavior(QAbstractItemView::SelectRows);
   view_->setSortingEnabled(true);
   view_->setAlternatingRowColors(true);
@@ -281,10 +254,8 @@ void TablesDesk::MakeView() {
   proxy_->setSourceModel(model_);
   proxy_->setSortRole(DataTableModel::kSortRole);
   view_->setModel(proxy_);
-  empty_ = new QLabel;
-  empty_->setObjectName("tables.empty");
+  empty_ = WrappedLabel("tables.empty");
   empty_->setAlignment(Qt::AlignCenter);
-  empty_->setWordWrap(true);
   view_->sortByColumn(-1, Qt::AscendingOrder);
 }
 
