@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <optional>
 #include <utility>
 
 #include "app/pipeline/survey_input.h"
@@ -37,11 +36,12 @@ PlanLayout MakeLayout(const PlanOptions& options, StageContext& context) {
   const Project& project = context.project;
   const fs::path file = SketchFile(project, options);
   const std::vector<SketchItem> items = file.empty() ? std::vector<SketchItem>() : ReadSiteSketch(file);
-  std::optional<PlanLayout> surveyed;
+  PlanLayout layout;
   if (file.empty() || AddsToSurvey(items, !SurveyRuns(project).empty())) {
-    surveyed = LayoutOfSurvey(project, SurveyedInput(context), options.network, file, context);
+    layout = LayoutOfSurvey(project, SurveyedInput(context), options.network, file, context);
   }
-  return file.empty() ? *std::move(surveyed) : LayoutOfSketch(project, file, items, options, std::move(surveyed));
+  if (file.empty()) return layout;
+  return LayoutOfSketch(project, file, items, options, std::move(layout));
 }
 
 // The files it reads.

@@ -296,14 +296,12 @@ PlanLayout LayoutOfSurvey(const Project& project, const SurveyInput& input, cons
 }
 
 PlanLayout LayoutOfSketch(const Project& project, const fs::path& file, const std::vector<SketchItem>& items,
-                          const PlanOptions& options, std::optional<PlanLayout> surveyed) {
-  PlanLayout plan;
-  plan.noise = options.network;
-  if (surveyed) {
-    plan = *std::move(surveyed);
+                          const PlanOptions& options, PlanLayout plan) {
+  if (plan.learned) {
     plan.source = file.filename().string() + " and " + plan.source;
   } else {
     plan.source = file.filename().string();
+    plan.noise = options.network;
     plan.network.sizes = project.site().tags;
   }
   const size_t passes = plan.network.passes.size();

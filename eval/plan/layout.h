@@ -91,10 +91,9 @@ bool AddsToSurvey(const std::vector<SketchItem>& items, bool has_survey_runs);
 // a sketch that is added to it, which takes a datum. Throws InputError.
 PlanLayout LayoutOfSurvey(const Project& project, const SurveyInput& input, const NetworkOptions& noise,
                           const std::filesystem::path& to_add, StageContext& context);
-// The items of the sketch `file` by themselves, or added to `surveyed`. Throws InputError.
+// The items of the sketch `file`, added to `plan`: an empty one, or the site as it was surveyed. Throws InputError.
 PlanLayout LayoutOfSketch(const Project& project, const std::filesystem::path& file,
-                          const std::vector<SketchItem>& items, const PlanOptions& options,
-                          std::optional<PlanLayout> surveyed);
+                          const std::vector<SketchItem>& items, const PlanOptions& options, PlanLayout plan);
 // Of a map that was made of `input`: with its noise, and pictures it did not place put where odometry has them.
 PlanLayout LayoutOfMap(const Project& project, const SurveyInput& input, const SurveyResult& map,
                        const NetworkOptions& noise);
