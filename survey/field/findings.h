@@ -1,6 +1,6 @@
 // Is what was recorded enough, while one is still on site? From facts so far to findings in plain words.
 //
-// Everything here is a function of values: what reads the growing folder is app/pipeline/check_intake.h.
+// Everything here is a function of values: what reads the growing folder is eval/intake/pictures.h.
 #pragma once
 
 #include <map>

@@ -4,11 +4,12 @@
 #include <cmath>
 #include <set>
 
-#include "app/pipeline/check.h"
+#include "app/pipeline/plan_report.h"
 #include "calib/base/counted.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "eval/intake/check.h"
 #include "eval/report/document.h"
 #include "survey/tags/map_start.h"
 

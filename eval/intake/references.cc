@@ -6,12 +6,12 @@
 #include <cmath>
 #include <numbers>
 
-#include "app/pipeline/check.h"
 #include "calib/base/error.h"
 #include "calib/geometry/bearing.h"
 #include "datasets/io/image.h"
 #include "datasets/io/photo_sets.h"
 #include "eval/errors/stations.h"
+#include "eval/intake/check.h"
 #include "survey/panorama/stitch.h"
 
 namespace trigpoint {
