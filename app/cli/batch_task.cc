@@ -7,6 +7,7 @@
 #include <cstdlib>
 
 #include "app/cli/batch_plan.h"
+#include "calib/base/cpu_seconds.h"
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -49,8 +50,7 @@ void EndAttempt(double wall_seconds, TaskAttempt* attempt) {
   for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
     rusage usage{};
     getrusage(who, &usage);
-    for (const timeval& t : {usage.ru_utime, usage.ru_stime})
-      attempt->cpu_seconds += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+    attempt->cpu_seconds += CpuSecondsOf(usage);
     attempt->peak_memory_bytes = std::max(attempt->peak_memory_bytes, static_cast<int64_t>(usage.ru_maxrss) * 1024);
   }
 }

@@ -81,7 +81,7 @@ class Doctor {
     if (!dir_.empty()) Folder();
     const std::string subject = dir_.empty() ? "This installation" : ShownPath(dir_);
     ending_.Headline(problems_ == 0 ? subject + ": everything needed is there"
-                                    : subject + ": " + Counted(problems_, "thing", "things") + " to look at");
+                                    : subject + ": " + Counted(problems_, "thing") + " to look at");
     session_.End(ending_);
     json_["command"] = "doctor";
     json_["ok"] = problems_ == 0;
@@ -174,7 +174,7 @@ class Doctor {
     if (!proj.version.empty()) {
       Fact("Grids",
            proj.grids > 0
-               ? Counted(proj.grids, "grid", "grids") + " of PROJ"
+               ? Counted(proj.grids, "grid") + " of PROJ"
                : "no PROJ grids installed: datum transformations are accurate to about 1 m (apt install proj-data)");
     }
   }

@@ -53,9 +53,9 @@ void EndStatus(const Session& session, const Project& project,
     if (state != "not needed") needed += titles.size();
   }
   const size_t done = in("done").size();
-  ending.Headline(all == 0 ? ShownPath(project.dir()) + ": there is nothing to compute yet"
-                           : fmt::format("{}: {} of {} done", ShownPath(project.dir()), done,
-                                         Counted(static_cast<int64_t>(needed), "result", "results")));
+  ending.Headline(all == 0
+                      ? ShownPath(project.dir()) + ": there is nothing to compute yet"
+                      : fmt::format("{}: {} of {} done", ShownPath(project.dir()), done, Counted(needed, "result")));
   for (const char* state : {"running", "failed", "out of date", "missing", "done", "not needed"}) {
     if (const auto titles = in(state); !titles.empty()) ending.Fact(Capitalised(state), Listed(titles, 8));
   }

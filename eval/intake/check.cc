@@ -179,12 +179,7 @@ namespace {
 
 // Where a sketch says which tags are put up, others that are printed (tags.yaml) are spares until a picture shows them.
 void EraseSpares(FieldFacts* facts) {
-  std::set<int> seen;
-  for (const FieldRun& run : facts->runs) {
-    for (const FieldPicture& picture : run.pictures) {
-      for (const TagDetection& d : picture.tags) seen.insert(d.id);
-    }
-  }
+  const std::set<int> seen = TagsSeen(*facts);
   std::erase_if(facts->planned, [&](const auto& tag) { return tag.second.what.empty() && !seen.contains(tag.first); });
 }
 

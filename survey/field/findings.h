@@ -113,6 +113,9 @@ struct FieldFacts {
   std::optional<NetworkPrediction> prediction;
 };
 
+// Ids of the tags that pictures show, planned or not.
+std::set<int> TagsSeen(const FieldFacts& facts);
+
 // How well a tag is seen.
 struct TagCoverage {
   int tag_id = -1;
