@@ -62,7 +62,7 @@ class LocalBatch {
 
   void Run() {
     terminal_.Say(fmt::format("{}: {} at a time within {:.0f} MiB", Counted(plan_.tasks.size(), "task"), jobs_,
-                              static_cast<double>(limit_) / (1 << 20)));
+                              Mebibytes(limit_)));
     for (size_t k = 0; k < plan_.entries.size(); ++k) TellOf(k);
     while (true) {
       if (session_.cancel->IsCancelled() || fs::exists(folder_ / kCancelFile)) Cancel();
@@ -220,7 +220,7 @@ class LocalBatch {
 
   std::string WhyEnded(const Child& child, int status) const {
     if (child.evicted) {
-      return fmt::format("needs more than the memory limit of {:.0f} MiB", static_cast<double>(limit_) / (1 << 20));
+      return fmt::format("needs more than the memory limit of {:.0f} MiB", Mebibytes(limit_));
     }
     if (WIFSIGNALED(status))
       return fmt::format("was ended by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));

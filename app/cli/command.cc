@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 
 #include "datasets/io/readable.h"
 #include "datasets/project/files.h"
@@ -98,6 +99,11 @@ Project OpenProject(const Session& session, const std::string& dir) { return Che
 
 Project OpenProjectToCompute(const Session& session, const std::string& dir) {
   return Checked(session, Project::OpenToCompute(dir));
+}
+
+std::string EnvironmentText(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
 }
 
 StageOutcome RunStageShown(const Session& session, const Project& project, const StageRequest& request,

@@ -82,6 +82,9 @@ Project OpenProject(const Session& session, const std::string& dir);
 // The same for a command that computes: Project::OpenToCompute.
 Project OpenProjectToCompute(const Session& session, const std::string& dir);
 
+// Of the environment; empty where it is not set.
+std::string EnvironmentText(const char* name);
+
 // An input file that a command added lines to: these (the first few), and where the file as it was is kept.
 void ShowChange(const std::filesystem::path& kept, const std::vector<std::string>& added, Ending* ending);
 

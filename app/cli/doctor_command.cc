@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <fstream>
 #include <opencv2/core/utility.hpp>
 #include <thread>
@@ -40,11 +39,6 @@ std::string ValueIn(const fs::path& file, const std::string& key) {
 }
 
 int64_t AllMemoryBytes() { return int64_t{sysconf(_SC_PHYS_PAGES)} * sysconf(_SC_PAGESIZE); }
-
-std::string EnvironmentText(const char* name) {
-  const char* value = std::getenv(name);
-  return value == nullptr ? "" : value;
-}
 
 // The first line that COLMAP says of itself, "3.8"; empty: it isn't there.
 std::string ColmapVersion(const fs::path& program, const CancelToken& cancel) {

@@ -16,8 +16,12 @@ inline std::string Counted(std::integral auto count, const std::string& one, con
 // "run1, run2, run3 and 9 more".
 inline std::string Listed(const std::vector<std::string>& names, size_t most = 6) {
   std::string text;
-  for (size_t k = 0; k < names.size() && k < most; ++k) text += (k > 0 ? ", " : "") + names[k];
-  return names.size() > most ? text + " and " + std::to_string(names.size() - most) + " more" : text;
+  for (size_t k = 0; k < names.size() && k < most; ++k) {
+    if (k > 0) text += ", ";
+    text += names[k];
+  }
+  if (names.size() > most) text.append(" and ").append(std::to_string(names.size() - most)).append(" more");
+  return text;
 }
 
 }  // namespace trigpoint
