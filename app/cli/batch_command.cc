@@ -131,8 +131,7 @@ int Execute(const Session& session, const fs::path& folder, const BatchPlan& pla
       WaitForSlurm(session, submitted);
       return Show(session, folder, submitted, "Batch done in " + session.Taken(), "");
     }
-    return Show(session, folder, submitted,
-                "Submitted " + Counted(static_cast<int64_t>(arrays), "array job", "array jobs") + " to Slurm",
+    return Show(session, folder, submitted, "Submitted " + Counted(arrays, "array job") + " to Slurm",
                 Command("status", folder));
   }
   try {

@@ -191,14 +191,13 @@ std::string FormatBatch(const std::vector<BatchResult>& results, const DisplayUn
     lines.push_back({r.entry.name, r.status, std::to_string(r.exit_code),
                      std::isfinite(median) ? fmt::format("{:.3f}", median / unit.metres) : "-",
                      TextOf(r, "median_against"), VerdictOf(r), DurationText(r.seconds),
-                     fmt::format("{:.1f}", r.cpu_seconds),
-                     fmt::format("{:.0f}", static_cast<double>(r.peak_memory_bytes) / (1 << 20)), error});
+                     fmt::format("{:.1f}", r.cpu_seconds), fmt::format("{:.0f}", Mebibytes(r.peak_memory_bytes)),
+                     error});
   }
   std::vector<std::vector<std::string>> costs{{"stage", "tasks", "attempts", "time", "CPU s", "memory MiB"}};
   for (const StageCost& c : CostsOf(results)) {
     costs.push_back({c.stage, std::to_string(c.tasks), std::to_string(c.attempts), DurationText(c.wall_seconds),
-                     fmt::format("{:.1f}", c.cpu_seconds),
-                     fmt::format("{:.0f}", static_cast<double>(c.peak_memory_bytes) / (1 << 20))});
+                     fmt::format("{:.1f}", c.cpu_seconds), fmt::format("{:.0f}", Mebibytes(c.peak_memory_bytes))});
   }
   return AlignMarkdown(lines) + "\n" + Counts(results) + "\n\n" + AlignMarkdown(costs);
 }
@@ -207,9 +206,8 @@ Ending BatchEnding(const std::vector<BatchResult>& results, const std::string& h
   Ending ending(headline + ": " + Counts(results));
   for (const StageCost& c : CostsOf(results)) {
     if (c.attempts == 0) continue;
-    ending.Row(fmt::format("{:<12}{}, {:.1f} s of CPU, at most {:.0f} MiB{}", c.stage,
-                           Counted(c.tasks, "task", "tasks"), c.cpu_seconds,
-                           static_cast<double>(c.peak_memory_bytes) / (1 << 20),
+    ending.Row(fmt::format("{:<12}{}, {:.1f} s of CPU, at most {:.0f} MiB{}", c.stage, Counted(c.tasks, "task"),
+                           c.cpu_seconds, Mebibytes(c.peak_memory_bytes),
                            c.repeated > 0 ? fmt::format(", {} restarted", c.repeated) : ""));
   }
   std::vector<std::pair<double, std::string>> medians;

@@ -1,6 +1,7 @@
 // What a batch is made of, and what became of it.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -33,6 +34,9 @@ struct BatchResult {
   // As `run --json` gives them, with attempts, wall_seconds, cpu_seconds and peak_memory_bytes of each.
   nlohmann::json stages = nlohmann::json::array();
 };
+
+// For people.
+inline double Mebibytes(int64_t bytes) { return static_cast<double>(bytes) / (1 << 20); }
 
 // Throws InputError unless `folder` is new, empty, or holds the summary of a batch, and if a project reads it.
 void RequireBatchFolder(const std::filesystem::path& folder);

@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "app/cli/batch_plan.h"
+#include "calib/base/cpu_seconds.h"
 #include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/text.h"
@@ -60,9 +61,8 @@ class LocalBatch {
   }
 
   void Run() {
-    terminal_.Say(fmt::format("{}: {} at a time within {:.0f} MiB",
-                              Counted(static_cast<int64_t>(plan_.tasks.size()), "task", "tasks"), jobs_,
-                              static_cast<double>(limit_) / (1 << 20)));
+    terminal_.Say(fmt::format("{}: {} at a time within {:.0f} MiB", Counted(plan_.tasks.size(), "task"), jobs_,
+                              Mebibytes(limit_)));
     for (size_t k = 0; k < plan_.entries.size(); ++k) TellOf(k);
     while (true) {
       if (session_.cancel->IsCancelled() || fs::exists(folder_ / kCancelFile)) Cancel();
@@ -191,8 +191,7 @@ class LocalBatch {
       TaskAttempt& attempt = record.attempts.back();
       attempt.ended = UtcTimeText();
       attempt.wall_seconds = std::chrono::duration<double>(Clock::now() - child.begun).count();
-      for (const timeval& t : {usage.ru_utime, usage.ru_stime})
-        attempt.cpu_seconds += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+      attempt.cpu_seconds += CpuSecondsOf(usage);
       attempt.peak_memory_bytes = child.peak;
       record.end = WIFSIGNALED(status) ? "killed" : "failed";
       record.exit_code = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
@@ -221,7 +220,7 @@ class LocalBatch {
 
   std::string WhyEnded(const Child& child, int status) const {
     if (child.evicted) {
-      return fmt::format("needs more than the memory limit of {:.0f} MiB", static_cast<double>(limit_) / (1 << 20));
+      return fmt::format("needs more than the memory limit of {:.0f} MiB", Mebibytes(limit_));
     }
     if (WIFSIGNALED(status))
       return fmt::format("was ended by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));

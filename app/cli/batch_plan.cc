@@ -17,6 +17,11 @@ namespace trigpoint {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
+// In JSON under their members' names.
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TaskAttempt, host, begun, ended, job, memory_bytes, wall_seconds, cpu_seconds,
+                                   peak_memory_bytes)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(TaskRecord, end, reason, exit_code, out_of_memory, attempts)
+
 namespace {
 
 constexpr const char* kPlanSchema = "trigpoint batch plan 1";
@@ -165,22 +170,6 @@ BatchTask TaskFrom(const json& j) {
           j.at("seconds")};
 }
 
-json JsonOf(const TaskAttempt& a) {
-  return {{"host", a.host},
-          {"begun", a.begun},
-          {"ended", a.ended},
-          {"job", a.job},
-          {"memory_bytes", a.memory_bytes},
-          {"wall_seconds", a.wall_seconds},
-          {"cpu_seconds", a.cpu_seconds},
-          {"peak_memory_bytes", a.peak_memory_bytes}};
-}
-
-TaskAttempt AttemptFrom(const json& j) {
-  return {j.at("host"),         j.at("begun"),        j.at("ended"),       j.at("job"),
-          j.at("memory_bytes"), j.at("wall_seconds"), j.at("cpu_seconds"), j.at("peak_memory_bytes")};
-}
-
 JobEnd EndNamed(const std::string& name) {
   for (const JobEnd end : {JobEnd::kComputed, JobEnd::kUpToDate, JobEnd::kNotNeeded, JobEnd::kSkipped}) {
     if (JobEndName(end) == name) return end;
@@ -327,10 +316,7 @@ TaskRecord ReadTaskRecord(const fs::path& folder, size_t task) {
   std::error_code ignored;
   if (!fs::is_regular_file(file, ignored)) return {};
   try {
-    const json j = json::parse(ReadTextFile(file));
-    TaskRecord record{j.at("end"), j.at("reason"), j.at("exit_code"), j.at("out_of_memory"), {}};
-    for (const json& attempt : j.at("attempts")) record.attempts.push_back(AttemptFrom(attempt));
-    return record;
+    return json::parse(ReadTextFile(file)).get<TaskRecord>();
   } catch (const json::exception&) {
     return {};  // damaged: as if it had not begun
   }
@@ -351,15 +337,7 @@ std::vector<TaskRecord> BeginTaskRecords(const BatchPlan& plan, const fs::path& 
 }
 
 void WriteTaskRecord(const TaskRecord& record, const fs::path& folder, size_t task) {
-  json attempts = json::array();
-  for (const TaskAttempt& attempt : record.attempts) attempts.push_back(JsonOf(attempt));
-  WriteFileAtomically(RecordFile(folder, task), DumpJson({{"end", record.end},
-                                                          {"reason", record.reason},
-                                                          {"exit_code", record.exit_code},
-                                                          {"out_of_memory", record.out_of_memory},
-                                                          {"attempts", attempts}},
-                                                         1) +
-                                                    "\n");
+  WriteFileAtomically(RecordFile(folder, task), DumpJson(json(record), 1) + "\n");
 }
 
 std::vector<JobResult> NeededResults(const BatchPlan& plan, const std::vector<TaskRecord>& records, size_t task) {

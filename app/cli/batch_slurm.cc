@@ -273,10 +273,9 @@ size_t SlurmQueued(const BatchPlan& plan) { return Queue(plan).size(); }
 
 void RequireNothingQueued(const BatchPlan& plan, const fs::path& folder) {
   if (const size_t queued = SlurmQueued(plan); queued > 0) {
-    throw InputError(
-        fmt::format("{}: {} in the queue; wait for them, or `trigpoint batch cancel {}`", folder.string(),
-                    Counted(static_cast<int64_t>(queued), "job of this batch is", "jobs of this batch are"),
-                    ShellWord(ShownPath(folder))));
+    throw InputError(fmt::format("{}: {} in the queue; wait for them, or `trigpoint batch cancel {}`", folder.string(),
+                                 Counted(queued, "job of this batch is", "jobs of this batch are"),
+                                 ShellWord(ShownPath(folder))));
   }
 }
 

@@ -4,9 +4,9 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <cstdlib>
 
 #include "app/cli/batch_plan.h"
+#include "calib/base/cpu_seconds.h"
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
@@ -20,25 +20,20 @@ namespace fs = std::filesystem;
 
 namespace {
 
-std::string Environment(const char* name) {
-  const char* value = std::getenv(name);
-  return value == nullptr ? "" : value;
-}
-
 // As Slurm names the job: with the index of its array.
 std::string SlurmJob() {
-  const std::string array = Environment("SLURM_ARRAY_JOB_ID");
-  return array.empty() ? Environment("SLURM_JOB_ID") : array + "_" + Environment("SLURM_ARRAY_TASK_ID");
+  const std::string array = EnvironmentText("SLURM_ARRAY_JOB_ID");
+  return array.empty() ? EnvironmentText("SLURM_JOB_ID") : array + "_" + EnvironmentText("SLURM_ARRAY_TASK_ID");
 }
 
 TaskAttempt BeginAttempt() {
   TaskAttempt attempt;
   attempt.host = HostName();
   // Several daemons on one machine have names of their own.
-  if (const std::string node = Environment("SLURMD_NODENAME"); !node.empty()) attempt.host = node;
+  if (const std::string node = EnvironmentText("SLURMD_NODENAME"); !node.empty()) attempt.host = node;
   attempt.begun = UtcTimeText();
   attempt.job = SlurmJob();
-  attempt.memory_bytes = ParseInt(Environment("SLURM_MEM_PER_NODE")).value_or(0) << 20;
+  attempt.memory_bytes = ParseInt(EnvironmentText("SLURM_MEM_PER_NODE")).value_or(0) << 20;
   return attempt;
 }
 
@@ -49,8 +44,7 @@ void EndAttempt(double wall_seconds, TaskAttempt* attempt) {
   for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
     rusage usage{};
     getrusage(who, &usage);
-    for (const timeval& t : {usage.ru_utime, usage.ru_stime})
-      attempt->cpu_seconds += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+    attempt->cpu_seconds += CpuSecondsOf(usage);
     attempt->peak_memory_bytes = std::max(attempt->peak_memory_bytes, static_cast<int64_t>(usage.ru_maxrss) * 1024);
   }
 }

@@ -103,16 +103,10 @@ int Calibrate(Session& session, const Arguments& arguments) {
   StageRequest request = stage.make(project, TargetOf(project, arguments));
   request.stage = stage.name;
   request.name = arguments.name;
-  Terminal terminal = session.MakeTerminal();
-  terminal.SetTitle("calibrate/" + arguments.name);
-  const StageOutcome outcome =
-      RunStage(project, request, session.options.threads, session.options.seed, terminal, *session.cancel);
-  terminal.ClearProgress();
+  const StageOutcome outcome = RunStageShown(session, project, request, "calibrate/" + arguments.name);
   const nlohmann::json& metrics = outcome.manifest.at("metrics");
   const bool refused = metrics.value("refused", false);
-  terminal.Say("calibrate/" + arguments.name + ": " + (outcome.computed ? "computed" : "up to date"));
-  const DisplayUnit unit = DisplayUnitNamed(session.options.units);
-  session.PrintDetails(stage.summary(outcome, unit));
+  session.PrintDetails(stage.summary(outcome, DisplayUnitNamed(session.options.units)));
   session.End(CalibrationEnding(outcome, arguments.name, session.Taken()));
   session.PrintJson({{"command", "calibrate"},
                      {"project", project.dir().string()},
@@ -122,8 +116,7 @@ int Calibrate(Session& session, const Arguments& arguments) {
                      {"dir", outcome.dir.string()},
                      {"metrics", metrics},
                      {"warnings", outcome.manifest.value("warnings", nlohmann::json::array())}});
-  constexpr int kGateFailed = 3;
-  return refused ? kGateFailed : 0;
+  return refused ? kGateExitCode : 0;
 }
 
 }  // namespace
@@ -180,8 +173,7 @@ void AddCalibrateCommand(CLI::App& app, Session& session) {
   command.add_option("--from", arguments->from,
                      "instead: import a Kalibr camchain, OpenCV YAML or XML, ROS camera_info, COLMAP cameras.txt or "
                      ".bin, Agisoft XML or JSON");
-  command.add_option("--set", arguments->settings, "option=value, over trigpoint.yaml (may be given several times)")
-      ->allow_extra_args(false);
+  AddSetOption(command, &arguments->settings);
   command.callback(
       [&session, arguments] { session.action = [arguments](Session& s) { return Calibrate(s, *arguments); }; });
 }

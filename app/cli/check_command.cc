@@ -5,7 +5,8 @@
 #include <set>
 
 #include "app/cli/field_commands.h"
-#include "app/pipeline/check_watch.h"
+#include "app/pipeline/check_project.h"
+#include "eval/intake/watch.h"
 
 namespace trigpoint {
 namespace {
@@ -71,7 +72,7 @@ int Check(Session& session, const Arguments& a) {
   const DisplayUnit unit = DisplayUnitNamed(session.options.units);
   // Of a video that is still being copied FFmpeg complains at each look; the findings name it once.
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
-  SiteCheck check(a.dir, session.options.threads, session.options.seed);
+  SiteCheck check(a.dir, SourcesOfProject(), session.options.threads, session.options.seed);
   CheckOutcome outcome = CheckSite(check, unit, a.watch, terminal, *session.cancel);
   terminal.ClearProgress();
   if (a.watch) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 
 #include "datasets/io/readable.h"
 #include "datasets/project/files.h"
@@ -100,11 +101,32 @@ Project OpenProjectToCompute(const Session& session, const std::string& dir) {
   return Checked(session, Project::OpenToCompute(dir));
 }
 
+std::string EnvironmentText(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+StageOutcome RunStageShown(const Session& session, const Project& project, const StageRequest& request,
+                           const std::string& title) {
+  Terminal terminal = session.MakeTerminal();
+  terminal.SetTitle(title);
+  StageOutcome outcome =
+      RunStage(project, request, session.options.threads, session.options.seed, terminal, *session.cancel);
+  terminal.ClearProgress();
+  terminal.Say(title + ": " + (outcome.computed ? "computed" : "up to date"));
+  return outcome;
+}
+
+void AddSetOption(CLI::App& command, std::vector<std::string>* settings) {
+  command.add_option("--set", *settings, "option=value, over trigpoint.yaml (may be given several times)")
+      ->allow_extra_args(false);
+}
+
 void ShowChange(const std::filesystem::path& kept, const std::vector<std::string>& added, Ending* ending) {
   constexpr size_t kShown = 3;
   for (size_t i = 0; i < std::min(added.size(), kShown); ++i) ending->Fact("Added", Excerpt(added[i]));
   if (added.size() > kShown) {
-    ending->Fact("Added", Counted(static_cast<int64_t>(added.size() - kShown), "more line", "more lines"));
+    ending->Fact("Added", Counted(added.size() - kShown, "more line"));
   }
   ending->Look("Old file", kept);
 }

@@ -70,6 +70,10 @@ Ending EndingOf(const Session& session, const std::string& command, const Projec
 // Both, with the JSON. Returns the exit code.
 int RunAndReport(Session& session, const std::string& command, const Project& project, const std::vector<Job>& jobs);
 
+// One stage by itself: progress under a title, and a line when it has ended.
+StageOutcome RunStageShown(const Session& session, const Project& project, const StageRequest& request,
+                           const std::string& title);
+
 // A metric of a manifest as people read it; a name that ends in _m is a length. Empty if there is none.
 std::string MetricText(const nlohmann::json& metrics, const std::string& name, const DisplayUnit& unit);
 
@@ -78,12 +82,18 @@ Project OpenProject(const Session& session, const std::string& dir);
 // The same for a command that computes: Project::OpenToCompute.
 Project OpenProjectToCompute(const Session& session, const std::string& dir);
 
+// Of the environment; empty where it is not set.
+std::string EnvironmentText(const char* name);
+
 // An input file that a command added lines to: these (the first few), and where the file as it was is kept.
 void ShowChange(const std::filesystem::path& kept, const std::vector<std::string>& added, Ending* ending);
 
 // "[stage.]option=value" of --set into {stage: {option: value}}; throws OptionError. Names without a stage of their own
 // belong to `stage`; empty: they need one.
 nlohmann::json ParseOverrides(const std::vector<std::string>& settings, const std::string& stage);
+
+// --set of a command for one stage.
+void AddSetOption(CLI::App& command, std::vector<std::string>* settings);
 
 void AddInitCommand(CLI::App& app, Session& session);
 void AddStatusCommand(CLI::App& app, Session& session);

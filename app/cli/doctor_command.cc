@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <fstream>
 #include <opencv2/core/utility.hpp>
 #include <thread>
@@ -41,11 +40,6 @@ std::string ValueIn(const fs::path& file, const std::string& key) {
 
 int64_t AllMemoryBytes() { return int64_t{sysconf(_SC_PHYS_PAGES)} * sysconf(_SC_PAGESIZE); }
 
-std::string EnvironmentText(const char* name) {
-  const char* value = std::getenv(name);
-  return value == nullptr ? "" : value;
-}
-
 // The first line that COLMAP says of itself, "3.8"; empty: it isn't there.
 std::string ColmapVersion(const fs::path& program, const CancelToken& cancel) {
   if (program.empty()) return "";
@@ -81,7 +75,7 @@ class Doctor {
     if (!dir_.empty()) Folder();
     const std::string subject = dir_.empty() ? "This installation" : ShownPath(dir_);
     ending_.Headline(problems_ == 0 ? subject + ": everything needed is there"
-                                    : subject + ": " + Counted(problems_, "thing", "things") + " to look at");
+                                    : subject + ": " + Counted(problems_, "thing") + " to look at");
     session_.End(ending_);
     json_["command"] = "doctor";
     json_["ok"] = problems_ == 0;
@@ -174,7 +168,7 @@ class Doctor {
     if (!proj.version.empty()) {
       Fact("Grids",
            proj.grids > 0
-               ? Counted(proj.grids, "grid", "grids") + " of PROJ"
+               ? Counted(proj.grids, "grid") + " of PROJ"
                : "no PROJ grids installed: datum transformations are accurate to about 1 m (apt install proj-data)");
     }
   }

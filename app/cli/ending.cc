@@ -113,12 +113,6 @@ std::string ShownPath(const fs::path& path) {
   return below.empty() || *below.begin() == ".." || failure ? path.string() : below.string();
 }
 
-std::string Listed(const std::vector<std::string>& names, size_t most) {
-  std::string text;
-  for (size_t i = 0; i < std::min(most, names.size()); ++i) text += (i > 0 ? ", " : "") + names[i];
-  return names.size() > most ? text + fmt::format(" and {} more", names.size() - most) : text;
-}
-
 std::string Capitalised(std::string text) {
   if (!text.empty()) text.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(text.front())));
   return text;

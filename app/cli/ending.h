@@ -43,8 +43,6 @@ class Ending {
 
 // As it can be typed in the working directory: relative below it, else as it is.
 std::string ShownPath(const std::filesystem::path& path);
-// "run1, run2, run3 and 9 more".
-std::string Listed(const std::vector<std::string>& names, size_t most = 6);
 // "localize": "Localize".
 std::string Capitalised(std::string text);
 // "12 s", "2 min 5 s", "1 h 3 min".

@@ -12,8 +12,7 @@ int Export(Session& session, const std::string& dir, const ExportRequest& reques
   terminal.ClearProgress();
   for (const std::string& warning : report.warnings) terminal.Log(LogLevel::kWarning, warning);
   nlohmann::json files = nlohmann::json::array();
-  Ending ending("Exported " + request.to + " in " + session.Taken() + ": " +
-                Counted(static_cast<int64_t>(report.files.size()), "file", "files"));
+  Ending ending("Exported " + request.to + " in " + session.Taken() + ": " + Counted(report.files.size(), "file"));
   constexpr size_t kOneEach = 5;
   if (report.lines.size() > kOneEach) {
     ending.Fact("Contents", Listed(report.lines, report.lines.size()));

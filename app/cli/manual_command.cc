@@ -10,6 +10,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+std::vector<const CLI::App*> Commands(const CLI::App& root) {
+  return root.get_subcommands([](const CLI::App*) { return true; });
+}
+
 // Text for roff: no line may begin with a dot or quote, a backslash is doubled, a hyphen stays one.
 std::string Roff(const std::string& text) {
   std::string out;
@@ -47,12 +51,12 @@ std::string ManualPage(const CLI::App& root, const CLI::App* command, const std:
   text += ".SH SYNOPSIS\n.B trigpoint";
   if (command == nullptr) {
     text += "\n.I command\nDIR [options]\n.SH COMMANDS\n";
-    for (const CLI::App* sub : root.get_subcommands([](const CLI::App*) { return true; })) {
+    for (const CLI::App* sub : Commands(root)) {
       text += ".TP\n.B " + Roff(sub->get_name()) + "\n" + Roff(sub->get_description()) + "\n";
     }
     text += ".SH SEE ALSO\n";
     std::string all;
-    for (const CLI::App* sub : root.get_subcommands([](const CLI::App*) { return true; })) {
+    for (const CLI::App* sub : Commands(root)) {
       all += (all.empty() ? "" : ", ") + ("trigpoint-" + sub->get_name()) + "(1)";
     }
     return text + Roff(all) + "\n";
@@ -87,7 +91,7 @@ std::string LongNames(const CLI::App& app) {
 
 std::string BashCompletion(const CLI::App& root) {
   std::string commands, cases;
-  for (const CLI::App* sub : root.get_subcommands([](const CLI::App*) { return true; })) {
+  for (const CLI::App* sub : Commands(root)) {
     commands += (commands.empty() ? "" : " ") + sub->get_name();
     cases += "    " + sub->get_name() + ") options=" + Quoted(LongNames(*sub)) + " ;;\n";
   }
@@ -106,7 +110,7 @@ std::string BashCompletion(const CLI::App& root) {
 
 std::string ZshCompletion(const CLI::App& root) {
   std::string commands, cases;
-  for (const CLI::App* sub : root.get_subcommands([](const CLI::App*) { return true; })) {
+  for (const CLI::App* sub : Commands(root)) {
     std::string help = sub->get_description();
     commands += "    " + Quoted(sub->get_name() + ":" + help) + "\n";
     cases += "    " + sub->get_name() + ") options=(" + LongNames(*sub) + ") ;;\n";
@@ -123,7 +127,7 @@ std::string ZshCompletion(const CLI::App& root) {
 
 std::string FishCompletion(const CLI::App& root) {
   std::string text = "# fish completion for trigpoint, made from its command definitions\n";
-  for (const CLI::App* sub : root.get_subcommands([](const CLI::App*) { return true; })) {
+  for (const CLI::App* sub : Commands(root)) {
     text += "complete -c trigpoint -n __fish_use_subcommand -a " + sub->get_name() + " -d " +
             Quoted(sub->get_description()) + "\n";
     for (const CLI::Option* option : sub->get_options()) {
@@ -177,7 +181,7 @@ void AddManualCommand(CLI::App& app, Session& session, const std::string& versio
           {out / "trigpoint", BashCompletion(app)},
           {out / "_trigpoint", ZshCompletion(app)},
           {out / "trigpoint.fish", FishCompletion(app)}};
-      for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+      for (const CLI::App* sub : Commands(app)) {
         files.emplace_back(out / "man1" / ("trigpoint-" + sub->get_name() + ".1"), ManualPage(app, sub, version));
       }
       for (const auto& [file, text] : files) WriteFileAtomically(file, text);

@@ -129,12 +129,7 @@ int PlanIn(Session& session, const Arguments& a) {
           "--set or under stages: plan: in trigpoint.yaml");
     }
   }
-  Terminal terminal = session.MakeTerminal();
-  terminal.SetTitle("plan");
-  const StageOutcome outcome =
-      RunStage(project, request, session.options.threads, session.options.seed, terminal, *session.cancel);
-  terminal.ClearProgress();
-  terminal.Say(std::string("plan: ") + (outcome.computed ? "computed" : "up to date"));
+  const StageOutcome outcome = RunStageShown(session, project, request, "plan");
   const nlohmann::json& metrics = outcome.manifest.at("metrics");
   const std::string dir = ShellWord(ShownPath(a.dir));
   const nlohmann::json result = nlohmann::json::parse(ReadTextFile(outcome.dir / "summary.json"));
@@ -187,8 +182,7 @@ void AddPlanCommand(CLI::App& app, Session& session) {
   command.add_option("--suggest", a->suggest, "what to propose, and how many: tags, control or path, and a number")
       ->expected(1, 2);
   command.add_flag("--gates", a->gates, "exit code 3 unless the gates that are set pass");
-  command.add_option("--set", a->settings, "option=value, over trigpoint.yaml (may be given several times)")
-      ->allow_extra_args(false);
+  AddSetOption(command, &a->settings);
   command.callback([&session, a] { session.action = [a](Session& s) { return Plan(s, *a); }; });
 }
 

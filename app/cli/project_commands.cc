@@ -18,6 +18,13 @@ double AgeSeconds(const nlohmann::json& manifest) {
   return end ? std::chrono::duration<double>(now).count() - 1e-9 * static_cast<double>(*end) : 0;
 }
 
+// Photo sets first: localize reads their rigs.
+std::vector<Job> AllJobs(const Project& project, const JobQuery& query) {
+  std::vector<Job> jobs = StitchJobs(project, {}, query.overrides);
+  for (const Job& job : PlanJobs(project, query)) jobs.push_back(job);
+  return jobs;
+}
+
 int Init(const Session& session, const std::string& dir) {
   const InitReport report = Project::Init(dir);
   Ending ending(report.created         ? "Wrote " + ShownPath(report.file)
@@ -53,9 +60,9 @@ void EndStatus(const Session& session, const Project& project,
     if (state != "not needed") needed += titles.size();
   }
   const size_t done = in("done").size();
-  ending.Headline(all == 0 ? ShownPath(project.dir()) + ": there is nothing to compute yet"
-                           : fmt::format("{}: {} of {} done", ShownPath(project.dir()), done,
-                                         Counted(static_cast<int64_t>(needed), "result", "results")));
+  ending.Headline(all == 0
+                      ? ShownPath(project.dir()) + ": there is nothing to compute yet"
+                      : fmt::format("{}: {} of {} done", ShownPath(project.dir()), done, Counted(needed, "result")));
   for (const char* state : {"running", "failed", "out of date", "missing", "done", "not needed"}) {
     if (const auto titles = in(state); !titles.empty()) ending.Fact(Capitalised(state), Listed(titles, 8));
   }
@@ -72,10 +79,7 @@ int Status(const Session& session, const std::string& dir) {
   nlohmann::json stages = nlohmann::json::array();
   std::string reasons;
   std::map<std::string, std::vector<std::string>> by_state;
-  // Photo sets first: localize reads their rigs.
-  std::vector<Job> jobs = StitchJobs(project, {}, query.overrides);
-  for (const Job& job : PlanJobs(project, query)) jobs.push_back(job);
-  for (const JobState& state : StatesOf(project, jobs, session.options.seed)) {
+  for (const JobState& state : StatesOf(project, AllJobs(project, query), session.options.seed)) {
     const StageInfo& stage = *state.job.stage;
     const bool there = state.manifest.is_object();
     const std::string name = ResultName(stage, state.job.target);
@@ -146,9 +150,7 @@ std::vector<Job> JobsOf(const Project& project, const RunArguments& arguments) {
     query.variants = arguments.variants;
     for (const std::string& variant : query.variants) CheckVariantName(variant);
   }
-  std::vector<Job> jobs = StitchJobs(project, {}, query.overrides);
-  for (const Job& job : PlanJobs(project, query)) jobs.push_back(job);
-  return jobs;
+  return AllJobs(project, query);
 }
 
 void AddRunCommand(CLI::App& app, Session& session) {

@@ -51,10 +51,9 @@ class VerdictFacts {
         names.push_back((is_tag ? "tag " : "") + name);
       }
     }
-    ending_.Fact("Check",
-                 fmt::format("{}: {} horizontal, {} vertical ({}{}, tag map)",
-                             names.empty() ? "tag map" : Listed(names, 3), Length(h), Length(v),
-                             Counted(static_cast<int64_t>(*n), "check point", "check points"), *n > 1 ? ", RMSE" : ""));
+    ending_.Fact("Check", fmt::format("{}: {} horizontal, {} vertical ({}{}, tag map)",
+                                      names.empty() ? "tag map" : Listed(names, 3), Length(h), Length(v),
+                                      Counted(static_cast<int64_t>(*n), "check point"), *n > 1 ? ", RMSE" : ""));
   }
 
  private:
@@ -85,10 +84,9 @@ class VerdictFacts {
         refused.push_back(r.run + "/" + place + (r.status == "unmatched" ? " (no match)" : " (refused)"));
       }
     }
-    ending_.Fact("Located",
-                 fmt::format("{} of {}, {} by {}", verdict_.Localized(), verdict_.Asked(), verdict_.CountedReferences(),
-                             Counted(static_cast<int64_t>(verdict_.runs.size()), "run", "runs")) +
-                     (refused.empty() ? "" : "; not " + Listed(refused, 3)));
+    ending_.Fact("Located", fmt::format("{} of {}, {} by {}", verdict_.Localized(), verdict_.Asked(),
+                                        verdict_.CountedReferences(), Counted(verdict_.runs.size(), "run")) +
+                                (refused.empty() ? "" : "; not " + Listed(refused, 3)));
   }
 
   void Errors(const std::string& label, const VerdictErrors& e) {
@@ -144,9 +142,8 @@ class VerdictFacts {
                                 " stated by the answers (1 sigma, largest axis, median); not measured");
     }
     if (verdict_.runs_agree_m) {
-      ending_.Fact("Agreement",
-                   fmt::format("{} between runs (median of {} of the same panorama)", Length(verdict_.runs_agree_m),
-                               Counted(verdict_.agreeing_pairs, "pair", "pairs")));
+      ending_.Fact("Agreement", fmt::format("{} between runs (median of {} of the same panorama)",
+                                            Length(verdict_.runs_agree_m), Counted(verdict_.agreeing_pairs, "pair")));
     }
   }
 

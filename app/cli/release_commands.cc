@@ -123,9 +123,8 @@ void AddPublishCommand(CLI::App& app, Session& session) {
       const Project project = OpenProjectToCompute(s, arguments->dir);
       const Release release = Publish(project, arguments->options, *s.cancel);
       const std::string dir = ShellWord(ShownPath(project.dir())), name = release.dir.filename().string();
-      s.End(Ending(fmt::format("Published {}: {}, a map of {}, {}", name,
-                               Counted(static_cast<int64_t>(release.files), "file", "files"),
-                               Counted(static_cast<int64_t>(release.tags), "tag", "tags"),
+      s.End(Ending(fmt::format("Published {}: {}, a map of {}, {}", name, Counted(release.files, "file"),
+                               Counted(release.tags, "tag"),
                                release.runs.empty() ? "no run" : "runs " + Listed(release.runs)))
                 .Fact("Inputs", fmt::format("{}, of which {} by hash alone{}", release.inputs, release.inputs_by_hash,
                                             release.inputs_by_hash > 0 ? " (--copy-inputs copies them)" : ""))

@@ -12,7 +12,11 @@
 #include "datasets/project/files.h"
 
 namespace trigpoint {
-std::string OptionTable(const StageInfo& stage) {
+std::string OptionTable(const StageInfo& stage, bool brief) {
+  const auto columns = [&](std::vector<std::string> row) {
+    if (brief) row.erase(row.end() - 2);
+    return row;
+  };
   std::vector<std::vector<std::string>> rows;
   for (const OptionDescription& option : stage.options("")) {
     std::string range;
@@ -20,11 +24,13 @@ std::string OptionTable(const StageInfo& stage) {
       if (std::isfinite(option.min)) range = fmt::format("from {:g} ", option.min);
       if (std::isfinite(option.max)) range += fmt::format("to {:g}", option.max);
     }
-    rows.push_back({"  " + option.name, " " + DumpJson(option.default_value), option.unit, range, option.help});
+    rows.push_back(
+        columns({"  " + option.name, " " + DumpJson(option.default_value), option.unit, range, option.help}));
   }
   if (rows.empty()) return "";
-  return "Options for --set, and for stages: " + stage.name + ": in trigpoint.yaml (in a variant under variants:)\n" +
-         TableText({"  name", " default", "unit", "range", "meaning"}, rows) + "\n";
+  return "Options for --set, and for stages: " + stage.name + ": in trigpoint.yaml" +
+         (brief ? "\n" : " (in a variant under variants:)\n") +
+         TableText(columns({"  name", " default", "unit", "range", "meaning"}), rows) + "\n";
 }
 
 namespace {
@@ -80,8 +86,7 @@ void AddStageCommand(CLI::App& app, Session& session, const StageInfo& stage) {
       command.add_option("--" + flag, value.value, option.help + (option.unit.empty() ? "" : ", " + option.unit));
     }
   }
-  command.add_option("--set", arguments->settings, "option=value, over trigpoint.yaml (may be given several times)")
-      ->allow_extra_args(false);
+  AddSetOption(command, &arguments->settings);
   command.callback([&session, &stage, arguments, joins_runs] {
     session.action = [&stage, arguments, joins_runs](Session& s) {
       JobQuery query;

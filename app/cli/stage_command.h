@@ -7,7 +7,7 @@
 
 namespace trigpoint {
 
-// A stage's options for the help of its command.
-std::string OptionTable(const StageInfo& stage);
+// A stage's options for the help of its command. `brief`: of a stage without variants, without the ranges.
+std::string OptionTable(const StageInfo& stage, bool brief = false);
 
 }  // namespace trigpoint

@@ -1,24 +1,10 @@
 #include "app/cli/stitch_command.h"
 
-#include <cmath>
-
+#include "app/cli/stage_command.h"
 #include "app/pipeline/stitch_stage.h"
 #include "calib/base/error.h"
-#include "datasets/project/files.h"
 
 namespace trigpoint {
-namespace {
-
-std::string OptionTable() {
-  std::vector<std::vector<std::string>> rows;
-  for (const OptionDescription& option : StageNamed("stitch").options("")) {
-    rows.push_back({"  " + option.name, " " + DumpJson(option.default_value), option.unit, option.help});
-  }
-  return "Options for --set, and for stages: stitch: in trigpoint.yaml\n" +
-         TableText({"  name", " default", "unit", "meaning"}, rows) + "\n";
-}
-
-}  // namespace
 
 void AddStitchCommand(CLI::App& app, Session& session) {
   struct Arguments {
@@ -27,7 +13,7 @@ void AddStitchCommand(CLI::App& app, Session& session) {
   };
   CLI::App& command =
       AddCommand(app, session, "stitch", StageNamed("stitch").help,
-                 OptionTable() +
+                 OptionTable(StageNamed("stitch"), true) +
                      "Examples:\n  trigpoint stitch my_photos\n  trigpoint stitch my_site --set corner\n"
                      "  trigpoint stitch my_site --set panorama.width=4096 --set panorama.format=tif\n");
   const auto arguments = std::make_shared<Arguments>();

@@ -15,8 +15,10 @@
 #include "app/desktop/picture_view.h"
 #include "app/desktop/polled_progress.h"
 #include "app/desktop/widgets.h"
+#include "app/pipeline/check_project.h"
 #include "app/pipeline/check_watch.h"
 #include "calib/base/error.h"
+#include "eval/intake/watch.h"
 
 namespace trigpoint {
 
@@ -171,7 +173,7 @@ void CheckDesk::Start(bool watch) {
           Qt::QueuedConnection);
     };
     try {
-      SiteCheck check(dir, 0, kSeed);
+      SiteCheck check(dir, SourcesOfProject(), 0, kSeed);
       CheckOutcome outcome = CheckSite(check, unit, watch, *work, work->cancel);
       show(outcome);
       if (watch) {

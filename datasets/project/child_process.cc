@@ -15,6 +15,7 @@
 #include <sstream>
 #include <thread>
 
+#include "calib/base/cpu_seconds.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
@@ -23,8 +24,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
-
-double Seconds(const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); }
 
 // What a program said last; the stack trace of one that gave up says less than the line before it.
 std::string LastLine(const fs::path& log) {
@@ -97,7 +96,7 @@ ChildResult RunChild(const std::vector<std::string>& argv, const fs::path& log, 
   cancel.ThrowIfCancelled();
   result.exit_code = asked ? 137 : WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   result.wall_seconds = std::chrono::duration<double>(Clock::now() - begun).count();
-  result.cpu_seconds = Seconds(usage.ru_utime) + Seconds(usage.ru_stime);
+  result.cpu_seconds = CpuSecondsOf(usage);
   result.peak_mib = static_cast<double>(usage.ru_maxrss) / 1024;
   result.last_line = LastLine(log);
   return result;

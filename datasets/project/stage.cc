@@ -13,6 +13,7 @@
 #include <mutex>
 #include <sstream>
 
+#include "calib/base/cpu_seconds.h"
 #include "calib/base/memory.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/readable.h"
@@ -223,9 +224,7 @@ double CpuSeconds() {
   for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
     rusage usage{};
     getrusage(who, &usage);
-    for (const timeval& t : {usage.ru_utime, usage.ru_stime}) {
-      seconds += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
-    }
+    seconds += CpuSecondsOf(usage);
   }
   return seconds;
 }

@@ -452,9 +452,7 @@ const char* LightName(Light light) {
   return light == Light::kGreen ? "green" : light == Light::kAmber ? "amber" : "red";
 }
 
-std::string SomeOf(const std::vector<std::string>& names, size_t most) {
-  return SomeOf(std::vector<LengthText>(names.begin(), names.end()), most).In();
-}
+std::string SomeOf(const std::vector<std::string>& names, size_t most) { return Listed(names, most); }
 
 LengthText SomeOf(const std::vector<LengthText>& names, size_t most) {
   LengthText text;

@@ -1,6 +1,6 @@
 // Is what was recorded enough, while one is still on site? From facts so far to findings in plain words.
 //
-// Everything here is a function of values: what reads the growing folder is app/pipeline/check_intake.h.
+// Everything here is a function of values: what reads the growing folder is eval/intake/pictures.h.
 #pragma once
 
 #include <map>
@@ -112,6 +112,9 @@ struct FieldFacts {
   std::optional<NetworkLayout> layout;
   std::optional<NetworkPrediction> prediction;
 };
+
+// Ids of the tags that pictures show, planned or not.
+std::set<int> TagsSeen(const FieldFacts& facts);
 
 // How well a tag is seen.
 struct TagCoverage {

@@ -110,12 +110,7 @@ void FindInDatum(const FieldFacts& facts, std::vector<SiteFinding>* findings) {
   constexpr size_t kLeastControl = 3;
   size_t given = 0, used = 0;
   std::vector<std::string> unseen;
-  std::set<int> seen;
-  for (const FieldRun& run : facts.runs) {
-    for (const FieldPicture& picture : run.pictures) {
-      for (const TagDetection& d : picture.tags) seen.insert(d.id);
-    }
-  }
+  const std::set<int> seen = TagsSeen(facts);
   for (const SurveyPoint& point : facts.input->points) {
     if (point.role != PointRole::kControl) continue;
     ++given;
@@ -379,6 +374,16 @@ std::optional<LoopCoverage> CoverLoop(const FieldFacts& facts, const FieldRun& r
   return loop;
 }
 
+std::set<int> TagsSeen(const FieldFacts& facts) {
+  std::set<int> seen;
+  for (const FieldRun& run : facts.runs) {
+    for (const FieldPicture& picture : run.pictures) {
+      for (const TagDetection& d : picture.tags) seen.insert(d.id);
+    }
+  }
+  return seen;
+}
+
 std::vector<TagCoverage> CoverTags(const FieldFacts& facts) {
   std::map<int, TagCoverage> tags;
   for (const auto& [id, planned] : facts.planned) tags[id];
@@ -443,10 +448,7 @@ std::vector<StationCoverage> CoverStations(const FieldFacts& facts, double radiu
   for (const Station& station : facts.site->stations) {
     const auto tag = facts.layout->world_from_tag.find(station.tag_id);
     if (tag == facts.layout->world_from_tag.end()) continue;
-    SurveyPoint point;
-    point.offset_m = station.offset_m;
-    point.offset_in_tag_frame = station.in_tag_frame;
-    const Eigen::Vector3d centre = tag->second.translation + OffsetInWorld(point, tag->second);
+    const Eigen::Vector3d centre = tag->second.translation + OffsetInWorld(station, tag->second);
     StationCoverage coverage;
     coverage.station = station.name;
     coverage.nearest_m = 1e9;

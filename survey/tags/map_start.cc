@@ -430,6 +430,13 @@ Eigen::Vector3d OffsetInWorld(const SurveyPoint& point, const Rigid3d& world_fro
   return point.offset_m.x() * up.cross(out) + point.offset_m.y() * out + point.offset_m.z() * up;
 }
 
+Eigen::Vector3d OffsetInWorld(const Station& station, const Rigid3d& world_from_tag) {
+  SurveyPoint point;
+  point.offset_m = station.offset_m;
+  point.offset_in_tag_frame = station.in_tag_frame;
+  return OffsetInWorld(point, world_from_tag);
+}
+
 MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options) {
   MapStart start;
   for (size_t r = 0; r < input.runs.size(); ++r) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "datasets/io/site.h"
 #include "survey/tags/tag_map.h"
 
 namespace trigpoint {
@@ -51,6 +52,7 @@ int FrameAt(const MapStart& start, int run, int64_t stamp_ns);
 // Where a point of a station stands from its tag's centre, world axes. `world_from_tag` must be levelled for offsets in
 // the tag's levelled frame: right as a reader of the tag sees it, out towards the reader, up.
 Eigen::Vector3d OffsetInWorld(const SurveyPoint& point, const Rigid3d& world_from_tag);
+Eigen::Vector3d OffsetInWorld(const Station& station, const Rigid3d& world_from_tag);
 
 // Frames and sights of the input; nothing estimated yet.
 MapStart CollectSights(const SurveyInput& input, const SurveyOptions& options);

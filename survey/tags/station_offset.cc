@@ -166,9 +166,7 @@ void SetStated(const Station& station, const Rigid3d& world_from_tag, StationOff
     point.offset_m = Eigen::Vector3d::Unit(k);
     out->world_from_level.col(k) = OffsetInWorld(point, world_from_tag);
   }
-  point.offset_m = station.offset_m;
-  point.offset_in_tag_frame = station.in_tag_frame;
-  out->stated_m = out->combined_m = OffsetInWorld(point, world_from_tag);
+  out->stated_m = out->combined_m = OffsetInWorld(station, world_from_tag);
   out->combined = station.sigma_m * station.sigma_m * Eigen::Matrix3d::Identity();
 }
 

@@ -1,5 +1,5 @@
 // The desk that checks a folder while pictures are copied into it.
-#include "app/pipeline/check.h"
+#include "eval/intake/check.h"
 
 #include <gmock/gmock.h>
 

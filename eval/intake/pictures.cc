@@ -1,4 +1,4 @@
-#include "app/pipeline/check_intake.h"
+#include "eval/intake/pictures.h"
 
 #include <fmt/format.h>
 #include <sys/stat.h>

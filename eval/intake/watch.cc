@@ -1,4 +1,4 @@
-#include "app/pipeline/check_watch.h"
+#include "eval/intake/watch.h"
 
 #include <thread>
 

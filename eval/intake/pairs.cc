@@ -1,4 +1,4 @@
-#include "app/pipeline/check_pairs.h"
+#include "eval/intake/pairs.h"
 
 #include <fmt/format.h>
 

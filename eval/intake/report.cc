@@ -2,13 +2,15 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 #include <set>
 
-#include "app/pipeline/check.h"
+#include "app/pipeline/plan_report.h"
 #include "calib/base/counted.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "eval/intake/check.h"
 #include "eval/report/document.h"
 #include "survey/tags/map_start.h"
 
@@ -18,6 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kMm = 1e3;
+constexpr double kEmpty = std::numeric_limits<double>::quiet_NaN();  // an empty cell
 
 Tone ToneOf(Light light) {
   return light == Light::kGreen ? Tone::kGood : light == Light::kAmber ? Tone::kWarning : Tone::kBad;
@@ -55,13 +58,10 @@ PlanFindings MapFindings(const CheckOutcome& outcome) {
   for (const Station& station : outcome.facts.site->stations) {
     const auto tag = findings.layout.network.world_from_tag.find(station.tag_id);
     if (tag == findings.layout.network.world_from_tag.end()) continue;
-    SurveyPoint point;
-    point.offset_m = station.offset_m;
-    point.offset_in_tag_frame = station.in_tag_frame;
     // In the frame of a tag of which only the place is known an offset has no direction: the tag's place stands for it.
     const bool unknown = station.in_tag_frame && unseen.contains(station.tag_id);
     findings.layout.stations.push_back({station.name, station.tag_id,
-                                        unknown ? Eigen::Vector3d(0, 0, 0) : OffsetInWorld(point, tag->second),
+                                        unknown ? Eigen::Vector3d(0, 0, 0) : OffsetInWorld(station, tag->second),
                                         station.sigma_m});
   }
   return findings;
@@ -81,18 +81,9 @@ void WriteTables(const CheckOutcome& outcome, const fs::path& folder) {
        "to the right as one faces it"});
   for (const TagCoverage& tag : CoverTags(outcome.facts)) {
     tags.Integer(tag.tag_id).Text(tag.status).Integer(tag.pictures).Integer(tag.runs).Number(tag.largest_px, 1);
-    if (tag.nearest_m) {
-      tags.Number(*tag.nearest_m, 2).Number(tag.left_deg, 1).Number(tag.right_deg, 1);
-    } else {
-      tags.Empty(3);
-    }
-    for (int k = 0; k < 3; ++k) {
-      if (tag.sigma_m) {
-        tags.Number((*tag.sigma_m)[k], 6);
-      } else {
-        tags.Empty();
-      }
-    }
+    tags.Number(tag.nearest_m.value_or(kEmpty), 2);
+    for (const double side_deg : {tag.left_deg, tag.right_deg}) tags.Number(tag.nearest_m ? side_deg : kEmpty, 1);
+    for (int k = 0; k < 3; ++k) tags.Number(tag.sigma_m ? (*tag.sigma_m)[k] : kEmpty, 6);
     tags.EndRow();
   }
   tags.Save(folder / "tags.csv");
@@ -101,18 +92,8 @@ void WriteTables(const CheckOutcome& outcome, const fs::path& folder) {
   int rank = 0;
   for (const Advice& advice : outcome.advice) {
     next.Integer(++rank).Text(advice.what.In()).Text(advice.why);
-    for (int k = 0; k < 3; ++k) {
-      if (advice.from) {
-        next.Number((*advice.from)[k], 2);
-      } else {
-        next.Empty();
-      }
-    }
-    if (advice.heading_rad) {
-      next.Number(std::fmod(*advice.heading_rad * kRadToDeg + 360, 360), 0);
-    } else {
-      next.Empty();
-    }
+    for (int k = 0; k < 3; ++k) next.Number(advice.from ? (*advice.from)[k] : kEmpty, 2);
+    next.Number(advice.heading_rad ? std::fmod(*advice.heading_rad * kRadToDeg + 360, 360) : kEmpty, 0);
     next.EndRow();
   }
   next.Save(folder / "next.csv");

@@ -6,15 +6,19 @@
 #include <cmath>
 #include <numbers>
 
-#include "app/pipeline/check.h"
 #include "calib/base/error.h"
 #include "calib/geometry/bearing.h"
 #include "datasets/io/image.h"
 #include "datasets/io/photo_sets.h"
 #include "eval/errors/stations.h"
+#include "eval/intake/check.h"
 #include "survey/panorama/stitch.h"
 
 namespace trigpoint {
+
+// In JSON under its members' names.
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(FieldSet, name, photos, placed, full_turn, gap_deg, before_gap, after_gap, problem)
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -90,17 +94,6 @@ FieldSet LookAtSet(const fs::path& dir, int threads, uint64_t seed, ProgressSink
   return set;
 }
 
-json JsonOf(const FieldSet& set) {
-  return {{"name", set.name},           {"photos", set.photos},   {"placed", set.placed},
-          {"full_turn", set.full_turn}, {"gap_deg", set.gap_deg}, {"before_gap", set.before_gap},
-          {"after_gap", set.after_gap}, {"problem", set.problem}};
-}
-
-FieldSet SetOf(const json& j) {
-  return {j.at("name"),    j.at("photos"),     j.at("placed"),    j.at("full_turn"),
-          j.at("gap_deg"), j.at("before_gap"), j.at("after_gap"), j.at("problem")};
-}
-
 }  // namespace
 
 void SiteCheck::OpenReferenceLines() {
@@ -162,7 +155,7 @@ void SiteCheck::AddReferences(CheckOutcome* outcome) {
 
 void SiteCheck::ReadSets() {
   set_lines_->Read([&](const json& j) {
-    const FieldSet set = SetOf(j);
+    const auto set = j.get<FieldSet>();
     sets_[set.name] = {j.at("like"), set};
   });
 }
@@ -179,7 +172,7 @@ void SiteCheck::WatchSets(ProgressSink& progress) {
       set.name = ended->set.name;
       set.photos = ended->set.photos;
       set.problem = e.what();
-      line = JsonOf(set);
+      line = json(set);
     }
     line["like"] = ended->set.like;
     JsonAppender(set_lines_->file()).Add(line);
@@ -200,7 +193,7 @@ void SiteCheck::WatchSets(ProgressSink& progress) {
     if (news && set.stable && !matching_) {
       const auto body = [dir, threads = threads_, seed = seed_](ProgressSink& its) {
         if (nice(kLessUrgent) < 0) its.Log(LogLevel::kDebug, "nice: refused");
-        return JsonOf(LookAtSet(dir, threads, seed, its, {})).dump();
+        return json(LookAtSet(dir, threads, seed, its, {})).dump();
       };
       matching_.reset(new Matching{set, {"photo set " + set.name + ": matching its photos", body}});
     }

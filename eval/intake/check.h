@@ -1,23 +1,55 @@
 // check: is what was recorded enough, while still on site?
 #pragma once
 
-#include <chrono>
 #include <filesystem>
+#include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "app/pipeline/check_intake.h"
 #include "app/pipeline/check_pairs.h"
 #include "app/pipeline/survey_input.h"
 #include "datasets/project/forked.h"
+#include "datasets/project/project.h"
+#include "datasets/project/stage.h"
+#include "eval/intake/pairs.h"
+#include "eval/intake/pictures.h"
 #include "eval/plan/map.h"
+#include "eval/report/drawing.h"
 #include "eval/text/display_unit.h"
 #include "survey/field/advice.h"
 #include "survey/field/findings.h"
+#include "survey/tags/tag_files.h"
 
 namespace trigpoint {
+
+// Of runs that can take part in a map, by name.
+using SeenTags = std::map<std::string, std::vector<ImageDetections>>;
+
+// What the survey makes its map of.
+struct MapInput {
+  SurveyInput input;
+  std::vector<std::string> warnings;
+};
+
+// Limits of predicted sigmas, m; 0: none.
+struct PredictedLimits {
+  double any_axis = 0, tag = 0, camera = 0;  // of the worst tag's axis, the worst tag, 95 % of the cameras
+};
+
+// What the stages of a project would work with. Each throws OptionError where the project's options are wrong.
+struct CheckSources {
+  std::function<DetectTagsOptions(const Project&)> detector;
+  std::function<SurveyOptions(const Project&)> map;
+  // Of these tags and nothing else; throws InputError where no map can be made of them.
+  std::function<MapInput(StageContext&, const SeenTags&)> map_input;
+  std::function<NetworkOptions(const Project&)> network;
+  std::function<PredictedLimits(const Project&)> limits;
+};
 
 struct CheckOutcome {
   std::shared_ptr<const Project> project;  // `facts` points into it
@@ -33,7 +65,7 @@ struct CheckOutcome {
 class SiteCheck {
  public:
   // Holds the lock of results/check, so that other commands work beside it. Throws InputError, IoError.
-  SiteCheck(const std::filesystem::path& dir, int threads, uint64_t seed);
+  SiteCheck(const std::filesystem::path& dir, CheckSources sources, int threads, uint64_t seed);
   // Reads the folder again and looks at no more than `most` new pictures. Returns how many.
   size_t Look(size_t most, ProgressSink& progress, const CancelToken& cancel);
   // Compares no more than `most` pairs of pictures that were looked at. Returns how many.
@@ -60,10 +92,9 @@ class SiteCheck {
   void WatchVideos();
   void WatchReferences();
   void AddPlanned(FieldFacts* facts) const;
-  DetectionsOfRuns DetectionsOf(const FieldFacts& facts) const;
+  SeenTags TagsOf(const FieldFacts& facts) const;
   // Of the runs that can take part; the others' reasons go to facts->unmapped. Nothing: none can, see map_problem.
-  std::optional<SurveyJob> JobOf(const SurveyStageOptions& survey, StageContext& context, DetectionsOfRuns* detections,
-                                 FieldFacts* facts) const;
+  std::optional<MapInput> InputOf(SeenTags* tags, StageContext& context, FieldFacts* facts) const;
   void AddMap(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) const;
   void AddSets(FieldFacts* facts) const;
   void JudgeGates(CheckOutcome* outcome) const;
@@ -82,6 +113,7 @@ class SiteCheck {
   };
 
   std::filesystem::path dir_, out_;
+  CheckSources sources_;
   int threads_;
   uint64_t seed_;
   std::unique_ptr<ProjectLock> lock_;

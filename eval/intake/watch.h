@@ -3,7 +3,7 @@
 
 #include <functional>
 
-#include "app/pipeline/check.h"
+#include "eval/intake/check.h"
 
 namespace trigpoint {
 

@@ -1,20 +1,23 @@
-#include "app/pipeline/check.h"
+#include "eval/intake/check.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 
 #include "app/pipeline/gates_stage.h"
+#include "app/pipeline/plan_report.h"
 #include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stages.h"
+#include "calib/base/error.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/site_sketch.h"
+#include "datasets/project/options_json.h"
 #include "localize/reconstruct/odometry_unit.h"
 #include "localize/reconstruct/self_calibration.h"
+#include "survey/tags/tag_files.h"
 
 namespace trigpoint {
 namespace {
@@ -23,69 +26,6 @@ namespace fs = std::filesystem;
 
 constexpr size_t kAdvice = 3;
 constexpr double kMostOffset_s = 10;  // of odometry's clock that is looked for
-
-// `used` pictures of the tags, with the sigmas that the map found.
-std::vector<PlannedSight> SightsSeen(const SurveyInput& input, const SurveyResult& map, size_t run,
-                                     const PlannedPass& pass, double extra_sigma_px) {
-  const auto frame_at = [&](int64_t stamp_ns) {
-    const auto it = std::lower_bound(pass.world_from_body.begin(), pass.world_from_body.end(), stamp_ns,
-                                     [](const TimedPose& p, int64_t s) { return p.stamp_ns < s; });
-    return it != pass.world_from_body.end() && it->stamp_ns == stamp_ns
-               ? static_cast<int>(it - pass.world_from_body.begin())
-               : -1;
-  };
-  std::set<std::tuple<int64_t, int, int>> used;
-  for (const SightResidual& sight : map.sights) {
-    if (sight.used && sight.run == static_cast<int>(run)) used.insert({sight.stamp_ns, sight.camera, sight.tag_id});
-  }
-  std::vector<PlannedSight> sights;
-  const SurveyRun& its = input.runs[run];
-  for (const ImageDetections& image : its.images) {
-    const auto camera = std::find_if(its.cameras.begin(), its.cameras.end(),
-                                     [&](const BodyCamera& c) { return c.name == image.camera; });
-    const auto c = static_cast<int>(camera == its.cameras.end() ? 0 : camera - its.cameras.begin());
-    const int64_t stamp = BodyStamp(image.stamp_ns, its.cameras[static_cast<size_t>(c)]);
-    const int frame = frame_at(stamp);
-    for (const TagDetection& d : image.detections) {
-      if (frame < 0 || !used.contains({stamp, c, d.id})) continue;
-      PlannedSight sight{0, frame, c, d.id};
-      sight.detection = d;
-      sight.side_px = 1e9;
-      for (size_t k = 0; k < 4; ++k) {
-        sight.side_px = std::min(sight.side_px, (d.corners[k] - d.corners[(k + 1) % 4]).norm());
-        // The factor counts for both parts of the sigma; the prediction adds the second one itself.
-        const double whole = pass.corner_factor * std::hypot(d.corner_sigma_px[k], extra_sigma_px);
-        sight.detection.corner_sigma_px[k] = std::sqrt(std::max(1e-6, whole * whole - extra_sigma_px * extra_sigma_px));
-      }
-      sights.push_back(std::move(sight));
-    }
-  }
-  return sights;
-}
-
-// Does the camera fit the tags' squares? A map that may change the camera shows it.
-void FindCalibrations(const SurveyInput& input, const SurveyOptions& options, int threads, const CancelToken& cancel,
-                      FieldFacts* facts) {
-  for (const RunAgreement& run : facts->map->runs) {
-    if (run.sights > 0) facts->calibrations.push_back({run.name, run.rms_px, run.corner_factor});
-  }
-  SurveyOptions free = options;
-  free.self_calibrate = true;
-  ProgressSink silent;
-  try {
-    const SurveyResult map = SurveyTags(input, free, threads, silent, cancel);
-    for (FieldCalibration& c : facts->calibrations) {
-      for (size_t r = 0; r < map.runs.size(); ++r) {
-        if (map.runs[r].name != c.run || !map.runs[r].camera) continue;
-        c.focal_change = std::log(map.runs[r].camera->params()[0] / input.runs[r].cameras.front().camera.params()[0]);
-        c.focal_sigma = map.runs[r].camera_sigma[0];
-      }
-    }
-  } catch (const Cancelled&) {
-    throw;
-  } catch (const Error&) {  // too little is seen for it
-  }
-}
 
 std::optional<FieldClock> ClockOf(const FieldRun& run, const std::vector<MeasuredTurn>& turns) {
   const auto clock = FindOdometryClock(run.run->odometry, turns, kMostOffset_s);
@@ -106,8 +46,8 @@ void CompareTurns(const PairLog& pairs, FieldRun* run) {
 
 }  // namespace
 
-SiteCheck::SiteCheck(const fs::path& dir, int threads, uint64_t seed)
-    : dir_(dir), out_(dir / "results" / "check"), threads_(threads), seed_(seed) {
+SiteCheck::SiteCheck(const fs::path& dir, CheckSources sources, int threads, uint64_t seed)
+    : dir_(dir), out_(dir / "results" / "check"), sources_(std::move(sources)), threads_(threads), seed_(seed) {
   if (!fs::is_directory(dir)) {
     throw InputError(dir.string() + ": no such folder; expected the one that the recordings are copied to");
   }
@@ -117,7 +57,7 @@ SiteCheck::SiteCheck(const fs::path& dir, int threads, uint64_t seed)
 size_t SiteCheck::Look(size_t most, ProgressSink& progress, const CancelToken& cancel) {
   problems_.clear();
   project_ = std::make_shared<const Project>(Project::OpenTolerant(dir_, &problems_));
-  const DetectTagsOptions options = DetectorOptions(*project_, {});
+  const DetectTagsOptions options = sources_.detector(*project_);
   if (!log_) {
     log_ = std::make_unique<PictureLog>(
         out_ / "pictures.jsonl", nlohmann::json{{"schema", 2}, {"blur", 4}, {"detector", JsonFromOptions(options)}});
@@ -243,12 +183,7 @@ namespace {
 
 // Where a sketch says which tags are put up, others that are printed (tags.yaml) are spares until a picture shows them.
 void EraseSpares(FieldFacts* facts) {
-  std::set<int> seen;
-  for (const FieldRun& run : facts->runs) {
-    for (const FieldPicture& picture : run.pictures) {
-      for (const TagDetection& d : picture.tags) seen.insert(d.id);
-    }
-  }
+  const std::set<int> seen = TagsSeen(*facts);
   std::erase_if(facts->planned, [&](const auto& tag) { return tag.second.what.empty() && !seen.contains(tag.first); });
 }
 
@@ -315,85 +250,6 @@ void SiteCheck::AddPlanned(FieldFacts* facts) const {
   if (sketched) EraseSpares(facts);
 }
 
-// Of tags with a size, by runs with a camera.
-DetectionsOfRuns SiteCheck::DetectionsOf(const FieldFacts& facts) const {
-  DetectionsOfRuns detections;
-  for (const FieldRun& run : facts.runs) {
-    if (run.IsMisread()) continue;  // a map would blame what is right for it
-    std::vector<ImageDetections>& its = detections[run.run->name];
-    for (const FieldPicture& picture : run.pictures) {
-      const auto c = static_cast<size_t>(picture.camera);
-      ImageDetections image{picture.stamp_ns, picture.image,
-                            c < run.run->cameras.size() ? run.run->cameras[c].name : "cam0", picture.tags};
-      std::erase_if(image.detections, [&](const TagDetection& d) { return !(project_->site().tags.SizeOf(d.id) > 0); });
-      if (!image.detections.empty()) its.push_back(std::move(image));
-    }
-    if (its.empty() || run.run->cameras.empty()) detections.erase(run.run->name);
-  }
-  return detections;
-}
-
-std::optional<SurveyJob> SiteCheck::JobOf(const SurveyStageOptions& survey, StageContext& context,
-                                          DetectionsOfRuns* detections, FieldFacts* facts) const {
-  try {
-    return MakeSurveyJob(*project_, {}, survey, context, detections);
-  } catch (const InputError& e) {
-    facts->map_problem = e.what();
-  }
-  // What is wrong with one run is no reason to judge none of the others.
-  DetectionsOfRuns usable;
-  std::vector<std::string> unusable;
-  for (const auto& [run, images] : *detections) {
-    const DetectionsOfRuns alone = {{run, images}};
-    try {
-      MakeSurveyJob(*project_, {}, survey, context, &alone);
-      usable.insert({run, images});
-    } catch (const InputError& e) {
-      unusable.emplace_back(e.what());
-    }
-  }
-  if (usable.empty() || unusable.empty()) return std::nullopt;
-  *detections = std::move(usable);
-  facts->map_problem.clear();
-  for (const std::string& why : unusable) facts->unmapped.push_back(why);
-  return MakeSurveyJob(*project_, {}, survey, context, detections);
-}
-
-void SiteCheck::AddMap(FieldFacts* facts, ProgressSink& progress, const CancelToken& cancel) const {
-  DetectionsOfRuns detections = DetectionsOf(*facts);
-  if (detections.empty()) return;  // each tag is named as missing, or as one without a size
-  auto survey = ResolveOptions<SurveyStageOptions>(*project_, "survey", {});
-  survey.tie_points = survey.photo_sets = survey.stations = survey.repeatability = false;
-  nlohmann::json metrics;
-  StageContext context{*project_, out_, threads_, seed_, progress, cancel, metrics};
-  try {
-    const std::optional<SurveyJob> made = JobOf(survey, context, &detections, facts);
-    if (!made) return;
-    const SurveyJob& job = *made;
-    facts->map = SurveyTags(job.input, survey.map, threads_, progress, cancel);
-    facts->input = job.input;
-    for (const std::string& warning : job.warnings) facts->map->warnings.push_back({warning, -1, ""});
-    FindCalibrations(job.input, survey.map, threads_, cancel, facts);
-    const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
-    PlanLayout layout = LayoutOfMap(*project_, job.input, *facts->map, plan.network);
-    for (PlannedPass& pass : layout.network.passes) {
-      for (size_t r = 0; r < job.input.runs.size(); ++r) {
-        if (job.input.runs[r].name == pass.name) {
-          pass.seen = SightsSeen(job.input, *facts->map, r, pass, layout.noise.extra_sigma_px);
-        }
-      }
-    }
-    facts->layout = layout.network;
-    facts->prediction = PredictNetwork(layout.network, layout.noise, seed_, threads_, cancel);
-  } catch (const Cancelled&) {
-    throw;
-  } catch (const OptionError&) {
-    throw;
-  } catch (const Error& e) {
-    facts->map_problem = e.what();
-  }
-}
-
 namespace {
 
 // What was found and what it is relative to.
@@ -418,10 +274,8 @@ void StateAccuracy(const NetworkPrediction& p, const Site& site, std::vector<Sit
 }  // namespace
 
 void SiteCheck::JudgeGates(CheckOutcome* outcome) const {
-  const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
-  std::vector<std::string> ignored;
-  const double any_axis = LimitsFor(*project_, {}, &ignored).survey.max_tag_sigma_m;
-  const bool set = any_axis > 0 || plan.max_tag_sigma_m > 0 || plan.max_camera_sigma_m > 0;
+  const PredictedLimits limits = sources_.limits(*project_);
+  const bool set = limits.any_axis > 0 || limits.tag > 0 || limits.camera > 0;
   if (!outcome->facts.prediction || !outcome->facts.prediction->in_world) {
     if (!set) return;
     outcome->findings.push_back(
@@ -447,11 +301,11 @@ void SiteCheck::JudgeGates(CheckOutcome* outcome) const {
                                  "gate " + what + " at most " + Length{limit, -1} + ": predicted " + Length{value, 4} +
                                      (passed ? ", passed" : ", not reached")});
   };
-  gate(any_axis, worst_axis, "survey.max_tag_sigma_m, any axis,");
-  gate(plan.max_tag_sigma_m, worst, "3D sigma of the weakest tag");
+  gate(limits.any_axis, worst_axis, "survey.max_tag_sigma_m, any axis,");
+  gate(limits.tag, worst, "3D sigma of the weakest tag");
   std::vector<double> bodies;
   for (const BodyPrediction& body : p.bodies) bodies.push_back(BodySigma(body));
-  gate(plan.max_camera_sigma_m, Percentile(bodies, 0.95), "95th percentile of the cameras' 3D sigma");
+  gate(limits.camera, Percentile(bodies, 0.95), "95th percentile of the cameras' 3D sigma");
 }
 
 CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel) {
@@ -495,8 +349,7 @@ CheckOutcome SiteCheck::Judge(ProgressSink& progress, const CancelToken& cancel)
     const bool counts = facts.planned.empty() || facts.planned.contains(tag.tag_id);
     outcome.planned_seen += counts && tag.pictures > 0 ? 1 : 0;
   }
-  const auto plan = ResolveOptions<PlanOptions>(*project_, "plan", {});
-  outcome.advice = WhatNext(facts, plan.network, kAdvice, seed_, threads_, cancel);
+  outcome.advice = WhatNext(facts, sources_.network(*project_), kAdvice, seed_, threads_, cancel);
   judged_ = Others();
   set_matched_ = false;
   return outcome;
