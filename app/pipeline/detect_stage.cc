@@ -7,7 +7,6 @@
 #include <set>
 #include <tuple>
 
-#include "app/pipeline/detect_apart.h"
 #include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/counted.h"
@@ -16,6 +15,7 @@
 #include "datasets/io/mask.h"
 #include "datasets/io/picture_parts.h"
 #include "datasets/io/tag_families.h"
+#include "survey/tags/detect_apart.h"
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_finder.h"
 

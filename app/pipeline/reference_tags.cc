@@ -5,12 +5,12 @@
 #include <numbers>
 #include <opencv2/core.hpp>
 
-#include "app/pipeline/detect_apart.h"
 #include "app/pipeline/set_localization.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 #include "datasets/io/views.h"
 #include "survey/panorama/rig_files.h"
+#include "survey/tags/detect_apart.h"
 #include "survey/tags/tag_finder.h"
 
 namespace trigpoint {

@@ -12,9 +12,6 @@
 
 namespace trigpoint {
 
-// Without what the review excludes: detections, images, tags. What has an image without any left keeps its entry.
-void LeaveOutExcluded(const Review& review, const std::string& run, std::vector<ImageDetections>& images);
-
 // A row of evaluate's errors.csv, before and after.
 struct ReviewedError {
   std::string run, station, panorama, method, reference;

@@ -12,7 +12,7 @@
 #include "app/pipeline/marking.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
-#include "app/pipeline/rolling_tags.h"
+#include "survey/tags/rolling_tags.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"

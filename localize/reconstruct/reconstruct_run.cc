@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
+#include "datasets/io/camchain.h"
 #include "localize/reconstruct/patch_alignment.h"
 
 namespace trigpoint {
