@@ -6,8 +6,8 @@
 #include <cmath>
 #include <set>
 
+#include "app/pipeline/detect_stage.h"
 #include "app/pipeline/gates_stage.h"
-#include "app/pipeline/reference_tags.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/photo_sets.h"

@@ -1,4 +1,6 @@
 // detect: the tags in every image of a run.
+#include "app/pipeline/detect_stage.h"
+
 #include <fmt/format.h>
 
 #include <map>
@@ -7,7 +9,6 @@
 #include <set>
 #include <tuple>
 
-#include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/counted.h"
 #include "calib/base/parallel.h"

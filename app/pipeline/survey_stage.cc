@@ -4,15 +4,16 @@
 #include <cmath>
 #include <map>
 
+#include "app/pipeline/detect_stage.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/survey_report.h"
-#include "app/pipeline/survey_stations.h"
 #include "app/pipeline/survey_tables.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/errors/results.h"
+#include "survey/input/station_offsets.h"
 
 namespace trigpoint {
 namespace {
@@ -177,8 +178,8 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
   Repeat(job, options, result, context, &findings);
   CompareEpochs(options, result, context, &findings);
   if (options.stations && result.in_world) {
-    findings.stations =
-        MeasureStations(context.project, result.tags, job.sets, DetectorOptions(context.project, target), context);
+    findings.stations = MeasureStations(context.project, result.tags, job.sets, StitchedRigs(context.project),
+                                        DetectorOptions(context.project, target), context);
     for (const StationOffset& o : findings.stations) {
       if (!o.offset_m || !o.Contradicts()) continue;
       context.progress.Log(
