@@ -1,12 +1,14 @@
 // What the stage `calibrate` writes.
 #pragma once
 
+#include <Eigen/Core>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "calib/target/quality.h"
+#include "datasets/calibration/camera_files.h"
 #include "datasets/io/site.h"
 #include "datasets/project/stage.h"
 
@@ -16,6 +18,9 @@ namespace trigpoint {
 struct LeftOutPicture {
   std::string camera, image, reason;
 };
+
+// Rows of numbers.
+nlohmann::json MatrixJson(const Eigen::MatrixXd& m);
 
 // Model, parameters with their standard deviations, residuals of one camera.
 nlohmann::json CameraJson(const CalibratedCamera& camera);
@@ -29,6 +34,10 @@ void WriteCalibration(const std::filesystem::path& out, const CalibrationInput& 
 void WriteCameraFiles(const std::filesystem::path& out, const std::vector<BodyCamera>& cameras,
                       const std::vector<std::string>& comments, bool refused);
 std::vector<BodyCamera> AsCamchain(const Calibration& calibration);
+
+// calibration.json of cameras that were read from `file`. Returns the list of cameras for the metrics.
+nlohmann::json WriteImport(const std::filesystem::path& out, const std::filesystem::path& file,
+                           const CameraFile& cameras);
 
 // What a person reads on the command line.
 std::string CalibrationSummary(const StageOutcome& outcome);
