@@ -8,6 +8,7 @@
 
 #include "calib/base/error.h"
 #include "calib/geometry/alignment.h"
+#include "calib/geometry/nearest_to_rays.h"
 #include "datasets/io/camchain.h"
 #include "survey/tags/control.h"
 #include "survey/tags/planar_pose.h"
@@ -17,12 +18,6 @@ namespace {
 
 constexpr double kWaypoint_m = 1;    // longer ways between frames get poses of their own
 constexpr double kStartGatePx = 40;  // odometry drifts between visits
-
-double ShortestSide(const TagDetection& d) {
-  double side = 1e300;
-  for (int k = 0; k < 4; ++k) side = std::min(side, (d.corners[(k + 1) % 4] - d.corners[k]).norm());
-  return side;
-}
 
 Rigid3d BodyFromCam(const SurveyInput& input, const MapStart& start, const MapSight& s) {
   return input.runs[start.frames[s.frame].run].cameras[s.camera].cam_from_body.Inverse();
@@ -221,8 +216,7 @@ std::set<int64_t> Waypoints(const Trajectory& odometry,
 void PlaceMarks(const SurveyInput& input, MapStart* start) {
   for (const SurveyPoint& p : input.points) {
     if (p.marks.empty()) continue;
-    Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    NearestToRays meeting;
     for (const SurveyMark& m : p.marks) {
       const int f = FrameAt(*start, m.run, m.stamp_ns);
       if (f < 0 || !start->frames[f].world_from_body) continue;
@@ -230,13 +224,10 @@ void PlaceMarks(const SurveyInput& input, MapStart* start) {
       const auto ray = camera.camera.Unproject(m.pixel);
       if (!ray) continue;
       const Rigid3d map_from_cam = *start->frames[f].world_from_body * camera.cam_from_body.Inverse();
-      const Eigen::Vector3d d = map_from_cam.rotation * *ray;
-      const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - d * d.transpose();
-      a += across;
-      b += across * map_from_cam.translation;
+      meeting.Add(map_from_cam.translation, map_from_cam.rotation * *ray);
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(a, Eigen::EigenvaluesOnly);
-    if (eigen.eigenvalues()(0) > 1e-6 * eigen.eigenvalues()(2)) start->marked[p.name] = a.ldlt().solve(b);
+    const Eigen::Vector3d spread = meeting.Spread();
+    if (spread(0) > 1e-6 * spread(2)) start->marked[p.name] = meeting.Point();
   }
 }
 
@@ -324,7 +315,7 @@ void AddSights(const SurveyInput& input, const SurveyOptions& options, const Ima
       throw InputError("tags.yaml: tag " + std::to_string(d.id) + " has no size; give size_m, or sizes_m for its id");
     }
     // The same id twice in one picture: neither can be told from the other.
-    if (seen[d.id] > 1 || ShortestSide(d) < options.min_side_px) continue;
+    if (seen[d.id] > 1 || d.ShortestSidePx() < options.min_side_px) continue;
     MapSight s;
     s.frame = static_cast<int>(start->frames.size());
     s.camera = static_cast<int>(camera);
