@@ -8,7 +8,7 @@
 #include "app/pipeline/jobs.h"
 #include "datasets/project/review.h"
 #include "eval/errors/evaluation_files.h"
-#include "survey/tags/tag_files.h"
+#include "survey/tags/excluded_detections.h"
 
 namespace trigpoint {
 

@@ -14,6 +14,7 @@
 #include "survey/input/photo_sets.h"
 #include "survey/input/satellites.h"
 #include "survey/input/site_frame.h"
+#include "survey/tags/excluded_detections.h"
 #include "survey/tags/rolling_tags.h"
 #include "survey/tags/tie_points.h"
 

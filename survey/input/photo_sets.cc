@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/base/error.h"
+#include "survey/tags/excluded_detections.h"
 
 namespace trigpoint {
 namespace {

@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <set>
-#include <utility>
 
-#include "calib/base/median.h"
-#include "calib/base/union_find.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/so3.h"
 #include "survey/panorama/rig_bundle.h"
@@ -24,10 +22,18 @@ double Disagreement(const PhotoPair& p, const Rotations& q) {
 
 // Connected parts; the part of each photo.
 std::vector<int> Parts(int photos, const std::vector<PhotoPair>& pairs) {
-  UnionFind parts(photos);
-  for (const PhotoPair& p : pairs) parts.Join(p.a, p.b);
+  std::vector<int> part(static_cast<size_t>(photos));
+  std::iota(part.begin(), part.end(), 0);
+  const auto root = [&](int x) {
+    while (part[static_cast<size_t>(x)] != x) x = part[static_cast<size_t>(x)];
+    return x;
+  };
+  for (const PhotoPair& p : pairs) {
+    const int a = root(p.a), b = root(p.b);
+    part[static_cast<size_t>(std::max(a, b))] = std::min(a, b);
+  }
   std::vector<int> of(static_cast<size_t>(photos));
-  for (int i = 0; i < photos; ++i) of[static_cast<size_t>(i)] = parts.Root(i);
+  for (int i = 0; i < photos; ++i) of[static_cast<size_t>(i)] = root(i);
   return of;
 }
 
@@ -117,7 +123,9 @@ PhotoGraph BuildPhotoGraph(int photos, std::vector<PhotoPair> pairs, double limi
     std::vector<double> off;
     for (const PhotoPair& p : pairs) off.push_back(Disagreement(p, graph.cam_from_rig));
     if (off.empty()) break;
-    const double limit = std::max(limit_rad, 4 * Median(off));
+    std::vector<double> sorted = off;
+    std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2), sorted.end());
+    const double limit = std::max(limit_rad, 4 * sorted[sorted.size() / 2]);
     std::vector<PhotoPair> kept;
     for (size_t k = 0; k < pairs.size(); ++k) {
       (off[k] <= limit ? kept : graph.contradicting).push_back(std::move(pairs[k]));
@@ -184,7 +192,9 @@ RingClosure FindClosure(int photos, const std::vector<PhotoPair>& pairs) {
     }
     if (sum > most) most = sum, closure.turns = turns / sum;
   }
-  closure.closed = most > 0.15 * Median(std::move(tree_scores));
+  std::nth_element(tree_scores.begin(), tree_scores.begin() + static_cast<std::ptrdiff_t>(tree_scores.size() / 2),
+                   tree_scores.end());
+  closure.closed = most > 0.15 * tree_scores[tree_scores.size() / 2];
   return closure;
 }
 

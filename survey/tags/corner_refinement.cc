@@ -6,10 +6,8 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
-#include <utility>
 #include <vector>
 
-#include "calib/base/median.h"
 #include "calib/geometry/bearing.h"
 
 namespace trigpoint {
@@ -456,7 +454,8 @@ class Fit {
     std::vector<double> r;
     r.reserve(residuals_.size());
     for (size_t i = 0; i < residuals_.size(); ++i) r.push_back(std::abs(residuals_[i]));
-    return std::max(1.4826 * Median(std::move(r)), 0.5);  // not below what rounding to whole grey values leaves
+    std::nth_element(r.begin(), r.begin() + r.size() / 2, r.end());
+    return std::max(1.4826 * r[r.size() / 2], 0.5);  // not below what rounding to whole grey values leaves
   }
 
   // Huber cost and its Gauss-Newton system a * step = b at x; `scatter`: sum of the gradients' squares.

@@ -69,12 +69,14 @@ class Detector {
       tag.id = d->id;
       tag.hamming = d->hamming;
       tag.margin = d->decision_margin;
+      double side = 1e300;
       for (int k = 0; k < 4; ++k) {
         tag.corners[k] = FromAprilTagPixel(Eigen::Vector2d(d->p[k][0], d->p[k][1]) / enlarged);
       }
+      for (int k = 0; k < 4; ++k) side = std::min(side, (tag.corners[(k + 1) % 4] - tag.corners[k]).norm());
       tag.corner_sigma_px.fill(options_.raw_sigma_px * std::max(1.0, options_.quad_decimate));
       if (tag.hamming > std::min(options_.max_hamming, family.Correctable()) || tag.margin < options_.min_margin ||
-          tag.ShortestSidePx() < options_.min_side_px) {
+          side < options_.min_side_px) {
         ++*refused;
         continue;
       }
@@ -161,12 +163,6 @@ double TagDetection::SigmaPx() const {
   double sum = 0;
   for (double s : corner_sigma_px) sum += s * s;
   return std::sqrt(sum / 4);
-}
-
-double TagDetection::ShortestSidePx() const {
-  double side = 1e300;
-  for (size_t k = 0; k < 4; ++k) side = std::min(side, (corners[(k + 1) % 4] - corners[k]).norm());
-  return side;
 }
 
 Eigen::Vector3d TagCorner(double size_m, int k) {

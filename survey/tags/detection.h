@@ -27,7 +27,6 @@ struct TagDetection {
   bool refined = false;                               // corners are fitted ones, else the detector's own
   // One number for the four: root of the mean square.
   double SigmaPx() const;
-  double ShortestSidePx() const;
 };
 
 // Corner k of a tag of edge length `size_m` in the tag's frame (x right, y down, z into the tag, origin at its

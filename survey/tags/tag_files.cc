@@ -5,7 +5,6 @@
 #include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
 #include "datasets/io/csv.h"
-#include "datasets/project/review.h"
 
 namespace trigpoint {
 namespace {
@@ -62,14 +61,6 @@ std::vector<ImageDetections> ReadDetections(const std::filesystem::path& file, d
     images[it->second].detections.push_back(d);
   });
   return images;
-}
-
-void LeaveOutExcluded(const Review& review, const std::string& run, std::vector<ImageDetections>& images) {
-  for (ImageDetections& image : images) {
-    std::erase_if(image.detections, [&](const TagDetection& tag) {
-      return review.ExcludesDetection(run, image.image, image.stamp_ns, tag.id);
-    });
-  }
 }
 
 void WriteTags(const std::filesystem::path& file, const std::vector<TagEstimate>& tags, const std::string& frame,

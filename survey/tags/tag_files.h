@@ -13,8 +13,6 @@
 
 namespace trigpoint {
 
-class Review;
-
 // The detections of one picture of a run.
 struct ImageDetections {
   int64_t stamp_ns = 0;
@@ -30,9 +28,6 @@ void WriteDetections(const std::filesystem::path& file, const std::vector<ImageD
 // `camera` (then cam0) and `family` may be missing. Unusable rows are skipped and named in `warnings`.
 std::vector<ImageDetections> ReadDetections(const std::filesystem::path& file, double default_sigma_px,
                                             std::vector<std::string>* warnings);
-
-// Without what the review excludes: detections, images, tags. What has an image without any left keeps its entry.
-void LeaveOutExcluded(const Review& review, const std::string& run, std::vector<ImageDetections>& images);
 
 // Covariances between tags: the blocks (a, b) with a < b, rows of tag a.
 using TagCrossCovariances = std::map<std::pair<int, int>, Matrix6d>;
