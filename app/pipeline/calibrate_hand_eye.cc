@@ -1,10 +1,10 @@
 #include "app/pipeline/calibrate_hand_eye.h"
 
+#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/calibration/hand_eye_files.h"
 #include "survey/tags/hand_eye_sights.h"
-#include "survey/tags/rolling_tags.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {

@@ -9,6 +9,7 @@
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/measured_offsets.h"
 #include "app/pipeline/reviewed.h"
+#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/tag_views.h"
 #include "calib/base/counted.h"
@@ -23,7 +24,6 @@
 #include "eval/gates/limits.h"
 #include "eval/trajectory/score_estimates.h"
 #include "eval/truth/truth.h"
-#include "survey/tags/rolling_tags.h"
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_shape.h"
 

@@ -8,6 +8,7 @@
 #include "app/pipeline/detect_stage.h"
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/reconstruct_stage.h"
+#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/set_localization.h"
 #include "datasets/io/camchain.h"
 #include "survey/input/control.h"
@@ -15,7 +16,6 @@
 #include "survey/input/satellites.h"
 #include "survey/input/site_frame.h"
 #include "survey/tags/excluded_detections.h"
-#include "survey/tags/rolling_tags.h"
 #include "survey/tags/tie_points.h"
 
 namespace trigpoint {

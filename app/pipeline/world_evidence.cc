@@ -6,10 +6,10 @@
 #include <sstream>
 
 #include "app/pipeline/reviewed.h"
+#include "app/pipeline/rolling_tags.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 #include "eval/errors/reference_maps.h"
-#include "survey/tags/rolling_tags.h"
 
 namespace trigpoint {
 namespace {

@@ -207,10 +207,6 @@ int64_t BodyStamp(int64_t image_stamp_ns, const BodyCamera& camera) {
   return image_stamp_ns + std::llround(camera.time_offset_s * 1e9);
 }
 
-bool HasReadout(const std::vector<BodyCamera>& cameras) {
-  return std::any_of(cameras.begin(), cameras.end(), [](const BodyCamera& camera) { return camera.readout_s != 0; });
-}
-
 void TakeLenses(const std::vector<BodyCamera>& from, std::vector<BodyCamera>* cameras) {
   for (BodyCamera& camera : *cameras) {
     for (const BodyCamera& used : from) {

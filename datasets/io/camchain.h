@@ -27,9 +27,6 @@ Rigid3d LevelForwardCamera();
 // clock of odometry and GPS).
 int64_t BodyStamp(int64_t image_stamp_ns, const BodyCamera& camera);
 
-// Whether one of the cameras has a readout time.
-bool HasReadout(const std::vector<BodyCamera>& cameras);
-
 // Cameras take the lenses (models, intrinsics, how well they are known) of those of the same name, in any order; other
 // cameras keep theirs. A 360 camera is known by its kind: its views keep theirs, too.
 void TakeLenses(const std::vector<BodyCamera>& from, std::vector<BodyCamera>* cameras);

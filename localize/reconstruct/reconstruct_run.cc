@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "calib/base/error.h"
-#include "datasets/io/camchain.h"
 #include "localize/reconstruct/patch_alignment.h"
 
 namespace trigpoint {

@@ -52,6 +52,10 @@ FeatureSet AtImageTime(FeatureSet features, const BodyCamera& camera, const Moti
   return features;
 }
 
+bool HasReadout(const std::vector<BodyCamera>& cameras) {
+  return std::any_of(cameras.begin(), cameras.end(), [](const BodyCamera& camera) { return camera.readout_s != 0; });
+}
+
 std::vector<TrackObservation> AtImageTimes(const LocalizeInput& input, const Reconstruction& r) {
   const BundleProblem& p = r.problem;
   std::vector<TrackObservation> tracks;

@@ -15,6 +15,9 @@ namespace trigpoint {
 // The features of an image as its camera would have seen those of far points at the image's time.
 FeatureSet AtImageTime(FeatureSet features, const BodyCamera& camera, const MotionRate& body);
 
+// Whether one of the cameras has a readout time.
+bool HasReadout(const std::vector<BodyCamera>& cameras);
+
 // The observations of a reconstruction from uncorrected rays, as a camera at the images' times would have seen them.
 std::vector<TrackObservation> AtImageTimes(const LocalizeInput& input, const Reconstruction& reconstruction);
 

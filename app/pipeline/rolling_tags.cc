@@ -1,10 +1,11 @@
-#include "survey/tags/rolling_tags.h"
+#include "app/pipeline/rolling_tags.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "datasets/io/camchain.h"
 #include "datasets/io/motion_rates.h"
+#include "localize/reconstruct/rolling_shutter.h"
 
 namespace trigpoint {
 namespace {

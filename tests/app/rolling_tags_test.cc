@@ -1,5 +1,5 @@
 // Corners of a tag that a rolling shutter has seen while it moved past.
-#include "survey/tags/rolling_tags.h"
+#include "app/pipeline/rolling_tags.h"
 
 #include <gtest/gtest.h>
 
