@@ -17,6 +17,7 @@ namespace {
 constexpr double kOneSite_m = 50'000;  // surveyed points and satellite fixes of one site are nearer
 constexpr double kSameFrame_m = 100;   // coordinates about the site's origin are nearer
 constexpr double kGeoid_m = 130;       // heights above ellipsoid and sea differ by less, receivers' errors included
+constexpr double kFoot_m = 0.3048;
 
 }  // namespace
 
