@@ -3,6 +3,7 @@
 #include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
+#include "calib/base/error.h"
 #include "datasets/calibration/hand_eye_files.h"
 #include "survey/tags/hand_eye_sights.h"
 #include "survey/tags/tag_files.h"

@@ -6,12 +6,14 @@
 #include <algorithm>
 
 #include "app/pipeline/calibrate_hand_eye.h"
+#include "calib/base/error.h"
 #include "calib/base/path_option.h"
 #include "datasets/calibration/board_pictures.h"
 #include "datasets/calibration/calibrate_files.h"
 #include "datasets/calibration/calibration_images.h"
 #include "datasets/calibration/camera_files.h"
 #include "datasets/calibration/target_file.h"
+#include "datasets/io/text.h"
 
 namespace trigpoint {
 namespace {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "calib/geo/geodetic.h"
 #include "datasets/calibration/calibrate_files.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
