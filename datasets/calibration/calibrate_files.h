@@ -1,7 +1,6 @@
 // What the stage `calibrate` writes.
 #pragma once
 
-#include <Eigen/Core>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -18,9 +17,6 @@ namespace trigpoint {
 struct LeftOutPicture {
   std::string camera, image, reason;
 };
-
-// Rows of numbers.
-nlohmann::json MatrixJson(const Eigen::MatrixXd& m);
 
 // Model, parameters with their standard deviations, residuals of one camera.
 nlohmann::json CameraJson(const CalibratedCamera& camera);

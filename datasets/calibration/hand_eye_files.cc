@@ -9,6 +9,7 @@
 
 #include "calib/geo/geodetic.h"
 #include "datasets/calibration/calibrate_files.h"
+#include "datasets/io/json_matrix.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
@@ -57,7 +58,7 @@ json JsonOf(const CameraOnBody& c) {
   return {
       {"name", c.camera.name},
       {"body_from_cam", {{"translation_m", {t.x(), t.y(), t.z()}}, {"quaternion_xyzw", {q.x(), q.y(), q.z(), q.w()}}}},
-      {"covariance", MatrixJson(pose.covariance)},
+      {"covariance", JsonRows(pose.covariance)},
       {"sigma_rotation_deg", {sigma[0] / kDegToRad, sigma[1] / kDegToRad, sigma[2] / kDegToRad}},
       {"sigma_translation_m", {sigma[3], sigma[4], sigma[5]}},
       {"unseen_direction", {found.unseen_body.x(), found.unseen_body.y(), found.unseen_body.z()}},
