@@ -1,23 +1,14 @@
 // detect: the tags in every image of a run.
+#include "app/pipeline/detect_stage.h"
+
 #include <fmt/format.h>
 
-#include <map>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <set>
-#include <tuple>
 
-#include "app/pipeline/detect_apart.h"
-#include "app/pipeline/reference_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/counted.h"
-#include "calib/base/parallel.h"
-#include "datasets/io/image.h"
-#include "datasets/io/mask.h"
-#include "datasets/io/picture_parts.h"
-#include "datasets/io/tag_families.h"
+#include "survey/tags/detect_run.h"
 #include "survey/tags/tag_files.h"
-#include "survey/tags/tag_finder.h"
 
 namespace trigpoint {
 namespace {
@@ -32,162 +23,6 @@ struct DetectOptions {
   }
   std::vector<std::string> Check() const { return detector.Check(); }
 };
-
-constexpr int kNamedImages = 10;  // of those that cannot be used, so that a log stays readable
-
-void DrawOverlay(const Run& run, const ImageEntry& image, const ImageDetections& found,
-                 const std::filesystem::path& file) {
-  cv::Mat picture;
-  cv::cvtColor(LoadGrey(run, image), picture, cv::COLOR_GRAY2BGR);
-  for (const TagDetection& tag : found.detections) {
-    std::vector<cv::Point> corners;
-    for (const Eigen::Vector2d& c : tag.corners) corners.emplace_back(cvRound(c.x()), cvRound(c.y()));
-    cv::polylines(picture, corners, true, {0, 200, 0}, 1, cv::LINE_AA);
-    cv::line(picture, corners[0], corners[1], {0, 0, 255}, 2, cv::LINE_AA);  // the tag's lower edge
-    cv::putText(picture, std::to_string(tag.id), corners[3], cv::FONT_HERSHEY_SIMPLEX, 0.5, {0, 200, 255}, 1,
-                cv::LINE_AA);
-  }
-  std::filesystem::create_directories(file.parent_path());
-  bool written = false;
-  try {
-    written = cv::imwrite(file.string(), picture);
-  } catch (const cv::Exception&) {  // the same to a user: named below
-  }
-  if (!written) throw IoError(file.string() + ": cannot be written");
-}
-
-// In a process of its own, so that a detector that dies of memory fails this stage and nothing else.
-DetectTagsResult DetectInRun(const Run& run, const DetectOptions& options, StageContext& context) {
-  const auto entry = [&](int64_t i) -> const ImageEntry& { return run.images[static_cast<size_t>(i)]; };
-  double pixels = 0;
-  for (const BodyCamera& camera : run.cameras) {
-    pixels = std::max(pixels, static_cast<double>(camera.camera.width()) * camera.camera.height());
-  }
-  DetectedApart found = DetectTagsApart(
-      "run " + run.name, pixels, static_cast<int64_t>(run.images.size()),
-      [&](int64_t i) { return LoadGrey(run, entry(i)); },
-      [&](int64_t i) -> const Camera* {
-        const auto index = static_cast<size_t>(entry(i).camera);
-        return index < run.cameras.size() ? &run.cameras[index].camera : nullptr;
-      },
-      options.detector, context.threads, context.progress, context.cancel);
-  context.metrics["detector_peak_memory_bytes"] = found.peak_memory_bytes;
-  return std::move(found.tags);
-}
-
-int64_t LeaveOutMasked(const Run& run, std::vector<ImageTags>* images) {
-  const RunMasks masks(run);
-  int64_t left_out = 0;
-  for (size_t i = 0; i < images->size(); ++i) {
-    std::vector<TagDetection>& found = (*images)[i].detections;
-    if (found.empty()) continue;
-    const cv::Mat mask = masks.Of(run.images[i]);
-    left_out +=
-        static_cast<int64_t>(std::erase_if(found, [&](const TagDetection& tag) { return IsMasked(tag, mask); }));
-  }
-  return left_out;
-}
-
-// The views of a 360 picture overlap: a tag that two of them see was seen once. The view that looks at it most directly
-// keeps it.
-int64_t LeaveOutRepeated(const Run& run, std::vector<ImageTags>* images) {
-  struct Sight {
-    size_t image = 0;
-    double off_axis = 0;
-  };
-  const auto camera_of = [&](size_t i) -> const BodyCamera* {
-    const auto camera = static_cast<size_t>(run.images[i].camera);
-    return camera < run.cameras.size() ? &run.cameras[camera] : nullptr;
-  };
-  const auto of_view = [&](size_t i) { return camera_of(i) && camera_of(i)->part.kind == PicturePart::Kind::kView; };
-  const auto off_axis = [&](size_t i, const TagDetection& tag) {
-    const Eigen::Vector2d centre = 0.25 * (tag.corners[0] + tag.corners[1] + tag.corners[2] + tag.corners[3]);
-    const Camera& camera = camera_of(i)->camera;
-    return (centre - 0.5 * Eigen::Vector2d(camera.width() - 1, camera.height() - 1)).norm();
-  };
-  std::map<std::tuple<int64_t, std::string, int>, Sight> best;
-  for (size_t i = 0; i < images->size(); ++i) {
-    if (!of_view(i)) continue;
-    for (const TagDetection& tag : (*images)[i].detections) {
-      const Sight sight{i, off_axis(i, tag)};
-      const auto [it, fresh] = best.try_emplace({run.images[i].stamp_ns, PictureOf(run, run.images[i]), tag.id}, sight);
-      if (!fresh && sight.off_axis < it->second.off_axis) it->second = sight;
-    }
-  }
-  size_t left_out = 0;
-  for (size_t i = 0; i < images->size(); ++i) {
-    if (!of_view(i)) continue;
-    left_out += std::erase_if((*images)[i].detections, [&](const TagDetection& tag) {
-      return best.at({run.images[i].stamp_ns, PictureOf(run, run.images[i]), tag.id}).image != i;
-    });
-  }
-  return static_cast<int64_t>(left_out);
-}
-
-std::vector<ImageDetections> DetectInImages(const Run& run, const DetectOptions& options, StageContext& context) {
-  const auto count = static_cast<int64_t>(run.images.size());
-  if (count == 0) {
-    throw InputError(run.dir.string() + ": found no images; expected images.txt with its pictures, or a video");
-  }
-  CheckMasks(run, context.threads, context.progress, context.cancel);
-  DetectTagsResult result = DetectInRun(run, options, context);
-  context.metrics["masked"] = LeaveOutMasked(run, &result.images);
-  context.metrics["repeated"] = LeaveOutRepeated(run, &result.images);
-  std::vector<ImageDetections> images;
-  int named = 0;
-  for (int64_t i = 0; i < count; ++i) {
-    const ImageTags& tags = result.images[static_cast<size_t>(i)];
-    if (!tags.usable && named++ < kNamedImages) context.progress.Log(LogLevel::kWarning, tags.problem);
-    const ImageEntry& entry = run.images[static_cast<size_t>(i)];
-    const auto camera = static_cast<size_t>(entry.camera);
-    images.push_back(
-        {entry.stamp_ns, entry.file, camera < run.cameras.size() ? run.cameras[camera].name : "cam0", tags.detections});
-  }
-  if (named > kNamedImages) {
-    context.progress.Log(LogLevel::kWarning,
-                         fmt::format("and {} more images that cannot be used", named - kNamedImages));
-  }
-  if (result.unusable == count) {
-    throw InputError(run.dir.string() + ": none of its images can be used; the first: " + result.images[0].problem);
-  }
-  context.metrics["images"] = count;
-  context.metrics["images_unusable"] = result.unusable;
-  context.metrics["refused"] = result.refused;
-  context.metrics["unrefined"] = result.unrefined;
-  if (options.overlays) {
-    context.progress.Begin("drawing overlays", count);
-    ParallelFor(count, context.threads, context.cancel, [&](int64_t i) {
-      const ImageDetections& found = images[static_cast<size_t>(i)];
-      if (!found.detections.empty()) {
-        DrawOverlay(run, run.images[static_cast<size_t>(i)], found,
-                    context.out / "overlays" / fmt::format("{:06}.jpg", i));
-      }
-      context.progress.Advance(1);
-    });
-  }
-  return images;
-}
-
-// The same number in another family is another tag.
-void LeaveOutOtherFamilies(const Run& run, const std::string& families, StageContext& context,
-                           std::vector<ImageDetections>* images) {
-  const TagFamilies wanted(families);
-  size_t all = 0, others = 0;
-  std::string other;
-  for (ImageDetections& image : *images) {
-    all += image.detections.size();
-    others += std::erase_if(image.detections, [&](const TagDetection& d) {
-      if (d.family == wanted.Of(d.id)) return false;
-      other = d.family;
-      return true;
-    });
-  }
-  if (others == 0) return;
-  const std::string found = fmt::format("{}: {} of {} detections are of family {}, tags.yaml has {}",
-                                        run.detections.string(), others, all, other, families);
-  if (others == all) throw InputError(found + "; correct the family in one of the two");
-  context.progress.Log(LogLevel::kWarning, found + "; they are left out");
-}
 
 DetectOptions OptionsFor(const Project& project, const StageTarget& target) {
   DetectOptions options = ResolveOptions<DetectOptions>(project, "detect", target);
@@ -220,12 +55,15 @@ StageInfo DetectStage() {
       const Run& run = context.project.run(name);
       std::vector<ImageDetections> images;
       if (run.detections.empty()) {
-        images = DetectInImages(run, options, context);
+        images = DetectInRun(run, options.detector, context);
+        if (options.overlays) {
+          WriteOverlays(run, images, context.out / "overlays", context.threads, context.progress, context.cancel);
+        }
       } else {
         std::vector<std::string> warnings;
         images = ReadDetections(run.detections, options.detector.raw_sigma_px, &warnings);
         for (const std::string& warning : warnings) context.progress.Log(LogLevel::kWarning, warning);
-        LeaveOutOtherFamilies(run, options.detector.family, context, &images);
+        LeaveOutOtherFamilies(run, options.detector.family, context.progress, &images);
       }
       int64_t detections = 0;
       std::set<int> ids;

@@ -185,10 +185,6 @@ Eigen::Vector3d MeetingPoint(const std::vector<const LocalizedView*>& views) {
 
 }  // namespace
 
-bool NamesPath(const std::string& named, const std::string& path) {
-  return path == named || path.ends_with("/" + named);
-}
-
 std::vector<PointMark> ReadPointMarks(const Project& project) {
   std::vector<PointMark> marks;
   if (!fs::exists(FileOf(project))) return marks;

@@ -12,9 +12,6 @@
 
 namespace trigpoint {
 
-// Whether an image that a table names is the one of `path`: all of the path, or its end after a slash.
-bool NamesPath(const std::string& named, const std::string& path);
-
 // Rows of control_observations.csv; `image`: below the project, "runs/run1/images/000012.jpg", however the file
 // shortens it; of several images with that ending the first one, as in `survey`. A name that no image of a run has
 // stays as it is. Empty without the file. Throws InputError naming file and line.

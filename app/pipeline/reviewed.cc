@@ -11,14 +11,6 @@ namespace trigpoint {
 
 namespace fs = std::filesystem;
 
-void LeaveOutExcluded(const Review& review, const std::string& run, std::vector<ImageDetections>& images) {
-  for (ImageDetections& image : images) {
-    std::erase_if(image.detections, [&](const TagDetection& tag) {
-      return review.ExcludesDetection(run, image.image, image.stamp_ns, tag.id);
-    });
-  }
-}
-
 bool ReviewedError::WithinSigma() const {
   return status_before == status_after && before_m && after_m && sigma_m && std::abs(*before_m - *after_m) <= *sigma_m;
 }

@@ -8,12 +8,9 @@
 #include "app/pipeline/jobs.h"
 #include "datasets/project/review.h"
 #include "eval/errors/evaluation_files.h"
-#include "survey/tags/tag_files.h"
+#include "survey/tags/excluded_detections.h"
 
 namespace trigpoint {
-
-// Without what the review excludes: detections, images, tags. What has an image without any left keeps its entry.
-void LeaveOutExcluded(const Review& review, const std::string& run, std::vector<ImageDetections>& images);
 
 // A row of evaluate's errors.csv, before and after.
 struct ReviewedError {

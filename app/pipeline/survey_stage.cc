@@ -1,18 +1,20 @@
 // survey: one tag map from all runs whose role is survey.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
-#include <map>
 
+#include "app/pipeline/detect_stage.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
-#include "app/pipeline/survey_report.h"
-#include "app/pipeline/survey_stations.h"
-#include "app/pipeline/survey_tables.h"
+#include "app/pipeline/survey_input.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
-#include "eval/errors/results.h"
+#include "eval/survey/report.h"
+#include "eval/survey/summary.h"
+#include "eval/survey/tables.h"
+#include "survey/input/station_offsets.h"
 
 namespace trigpoint {
 namespace {
@@ -69,97 +71,6 @@ std::vector<fs::path> SurveyInputs(const Project& project, const StageTarget& ta
   return inputs;
 }
 
-// The map of some of the runs, quietly.
-SurveyResult MapOf(const SurveyJob& job, const SurveyStageOptions& options, const std::vector<size_t>& runs,
-                   const StageContext& context) {
-  SurveyInput part = job.input;
-  part.runs.clear();
-  for (size_t r : runs) part.runs.push_back(job.input.runs[r]);
-  for (SurveyPoint& p : part.points) {
-    std::vector<SurveyMark> marks;
-    for (SurveyMark m : p.marks) {
-      const auto at = std::find(runs.begin(), runs.end(), static_cast<size_t>(m.run));
-      if (at == runs.end()) continue;
-      m.run = static_cast<int>(at - runs.begin());
-      marks.push_back(m);
-    }
-    p.marks = marks;
-  }
-  ProgressSink silent;
-  return SurveyTags(part, options.map, context.threads, silent, context.cancel);
-}
-
-// Maps of fewer runs say how well the survey repeats: all runs but one with all photo sets, days without them. A part
-// that cannot be mapped by itself is left out.
-void Repeat(const SurveyJob& job, const SurveyStageOptions& options, const SurveyResult& whole,
-            const StageContext& context, SurveyFindings* findings) {
-  const std::vector<SurveyRun>& runs = job.input.runs;
-  const auto n = static_cast<size_t>(std::count_if(runs.begin(), runs.end(), [](const auto& r) { return !r.stills; }));
-  if (!options.repeatability || n < 2) return;
-  std::vector<size_t> all(runs.size());  // photo sets come last
-  for (size_t r = 0; r < all.size(); ++r) all[r] = r;
-  std::map<std::vector<size_t>, std::optional<SurveyResult>> maps;
-  const auto map_of = [&](const std::vector<size_t>& part) -> const std::optional<SurveyResult>& {
-    const auto [it, fresh] = maps.try_emplace(part);
-    if (fresh) {
-      try {
-        it->second = MapOf(job, options, part, context);
-      } catch (const Cancelled&) {
-        throw;
-      } catch (const Error&) {  // too little in it: nothing to compare
-      }
-    }
-    return it->second;
-  };
-  context.progress.Begin("maps of fewer runs", static_cast<int64_t>(n));
-  std::vector<std::pair<SurveyResult, SurveyResult>> pairs;
-  for (size_t r = 0; r < n; ++r) {
-    std::vector<size_t> others = all;
-    others.erase(others.begin() + static_cast<std::ptrdiff_t>(r));
-    if (const auto& map = map_of(others)) {
-      pairs.emplace_back(*map, whole);
-      findings->repeatability_without[runs[r].name] = CompareMaps({pairs.back()});
-    }
-    context.progress.Advance(1);
-  }
-  findings->repeatability = CompareMaps(pairs);
-  std::map<std::string, std::vector<size_t>> days;
-  for (size_t r = 0; r < n; ++r) {
-    const SurveyRun& run = runs[r];
-    days[run.date.empty() ? "run " + run.name : run.date].push_back(r);
-  }
-  pairs.clear();
-  for (auto a = days.begin(); a != days.end(); ++a) {
-    for (auto b = std::next(a); b != days.end(); ++b) {
-      const auto &one = map_of(a->second), &two = map_of(b->second);
-      if (one && two) pairs.emplace_back(*one, *two);
-    }
-  }
-  if (!pairs.empty()) findings->reproducibility = CompareMaps(pairs);
-}
-
-// The other survey's tags: a variant of this project, or a tags.csv anywhere, with its tags_cov.csv beside it.
-void CompareEpochs(const SurveyStageOptions& options, const SurveyResult& result, const StageContext& context,
-                   SurveyFindings* findings) {
-  if (options.against.empty()) return;
-  const fs::path file = AgainstFile(context.project, options);
-  // "# trigpoint tags 1; frame=enu; datum=control; sigma=1"
-  const std::string text = ReadTextFile(file);
-  const std::string header = text.substr(0, text.find('\n'));
-  std::vector<TagEstimate> before;
-  for (const TagResult& tag : ReadTagResults(file, file.parent_path() / "tags_cov.csv")) {
-    TagEstimate t;
-    t.tag_id = tag.tag_id;
-    t.world_from_tag = tag.map_from_tag;
-    t.covariance.diagonal().tail<3>() = tag.sigma_m.value_or(Eigen::Vector3d::Zero()).cwiseAbs2();
-    if (tag.covariance) t.covariance = *tag.covariance;
-    before.push_back(std::move(t));
-  }
-  findings->against = options.against;
-  findings->epochs = TestEpochs(before, result.tags,
-                                result.in_world && header.find("datum=" + result.datum + ";") != std::string::npos);
-}
-
 void Survey(const SurveyStageOptions& options, const StageTarget& target, StageContext& context) {
   const SurveyJob job = MakeSurveyJob(context.project, target, options, context);
   for (const std::string& warning : job.warnings) context.progress.Log(LogLevel::kWarning, warning);
@@ -174,11 +85,16 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
   findings.control = job.control;
   for (const auto& [name, tags] : job.sets) findings.photo_sets.push_back(name);
   findings.nssda = options.nssda;
-  Repeat(job, options, result, context, &findings);
-  CompareEpochs(options, result, context, &findings);
+  if (options.repeatability) {
+    findings.repeats = RepeatMap(job.input, options.map, result, context.threads, context.progress, context.cancel);
+  }
+  if (!options.against.empty()) {
+    findings.against = options.against;
+    findings.epochs = EpochsAgainst(AgainstFile(context.project, options), result);
+  }
   if (options.stations && result.in_world) {
-    findings.stations =
-        MeasureStations(context.project, result.tags, job.sets, DetectorOptions(context.project, target), context);
+    findings.stations = MeasureStations(context.project, result.tags, job.sets, StitchedRigs(context.project),
+                                        DetectorOptions(context.project, target), context);
     for (const StationOffset& o : findings.stations) {
       if (!o.offset_m || !o.Contradicts()) continue;
       context.progress.Log(
@@ -209,8 +125,9 @@ void Survey(const SurveyStageOptions& options, const StageTarget& target, StageC
     context.metrics["check_rmse_3d_m"] =
         std::hypot(result.check.rmse_3d_m, std::hypot(result.check.stated_h_m, result.check.stated_v_m));
   }
-  if (findings.repeatability) context.metrics["repeatability_m"] = findings.repeatability->rms_m;
-  if (findings.reproducibility) context.metrics["reproducibility_m"] = findings.reproducibility->rms_m;
+  const MapRepeats& repeats = findings.repeats;
+  if (repeats.repeatability) context.metrics["repeatability_m"] = repeats.repeatability->rms_m;
+  if (repeats.reproducibility) context.metrics["reproducibility_m"] = repeats.reproducibility->rms_m;
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "datasets/calibration/camera_files.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/json_matrix.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
@@ -18,16 +19,6 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 namespace {
-
-json Matrix(const Eigen::MatrixXd& m) {
-  json rows = json::array();
-  for (Eigen::Index i = 0; i < m.rows(); ++i) {
-    json row = json::array();
-    for (Eigen::Index k = 0; k < m.cols(); ++k) row.push_back(m(i, k));
-    rows.push_back(row);
-  }
-  return rows;
-}
 
 Eigen::MatrixXd Correlation(const Eigen::MatrixXd& covariance) {
   const Eigen::VectorXd inverse = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
@@ -284,11 +275,30 @@ void WriteCalibration(const fs::path& out, const CalibrationInput& input, const 
                          {"cost", calibration.cost_after},
                          {"sigma_factor", calibration.sigma_factor},
                          {"covariance_of", calibration.labels},
-                         {"covariance", Matrix(calibration.covariance)},
-                         {"correlation", Matrix(Correlation(calibration.covariance))}};
+                         {"covariance", JsonRows(calibration.covariance)},
+                         {"correlation", JsonRows(Correlation(calibration.covariance))}};
   WriteFileAtomically(out / "calibration.json", DumpJson(document, 2) + "\n");
   WriteResiduals(out / "residuals.csv", input, calibration);
   WriteViews(out / "views.csv", input, calibration, left_out);
+}
+
+json WriteImport(const fs::path& out, const fs::path& file, const CameraFile& cameras) {
+  json list = json::array();
+  std::string text = cameras.format + " file " + file.string() + "\n";
+  for (const BodyCamera& camera : cameras.cameras) {
+    list.push_back({{"name", camera.name},
+                    {"model", CameraModelName(camera.camera.model())},
+                    {"width", camera.camera.width()},
+                    {"height", camera.camera.height()},
+                    {"params", camera.camera.params()}});
+    text += fmt::format("{}: {}, {} x {}, mean focal length {:.3f} px\n", camera.name,
+                        CameraModelName(camera.camera.model()), camera.camera.width(), camera.camera.height(),
+                        camera.camera.MeanFocal());
+  }
+  text += "The uncertainty is unknown: a file of this kind doesn't hold it.\n";
+  WriteFileAtomically(out / "calibration.json",
+                      DumpJson({{"schema", 1}, {"kind", "import"}, {"cameras", list}, {"text", text}}, 2) + "\n");
+  return list;
 }
 
 std::string CalibrationSummary(const StageOutcome& outcome) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "calib/target/quality.h"
+#include "datasets/calibration/camera_files.h"
 #include "datasets/io/site.h"
 #include "datasets/project/stage.h"
 
@@ -29,6 +30,10 @@ void WriteCalibration(const std::filesystem::path& out, const CalibrationInput& 
 void WriteCameraFiles(const std::filesystem::path& out, const std::vector<BodyCamera>& cameras,
                       const std::vector<std::string>& comments, bool refused);
 std::vector<BodyCamera> AsCamchain(const Calibration& calibration);
+
+// calibration.json of cameras that were read from `file`. Returns the list of cameras for the metrics.
+nlohmann::json WriteImport(const std::filesystem::path& out, const std::filesystem::path& file,
+                           const CameraFile& cameras);
 
 // What a person reads on the command line.
 std::string CalibrationSummary(const StageOutcome& outcome);

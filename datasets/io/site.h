@@ -30,6 +30,9 @@ struct PicturePart {
   uint16_t x = 0, y = 0;  // kCrop: its first pixel; kView: width and height of the 360 picture
 };
 
+// Of BodyCamera::focal_sigma_share: from here on the focal length is hardly known.
+inline constexpr double kWildGuess = 0.2;
+
 // One camera of a camchain (Kalibr), or a view of its 360 pictures.
 struct BodyCamera {
   std::string name;  // cam0, ...

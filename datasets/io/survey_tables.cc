@@ -95,6 +95,10 @@ std::vector<MeasuredDistance> ReadDistances(const std::filesystem::path& file, s
   return distances;
 }
 
+bool NamesPath(const std::string& named, const std::string& path) {
+  return path == named || path.ends_with("/" + named);
+}
+
 std::vector<PointMark> ReadControlObservations(const std::filesystem::path& file, std::vector<std::string>* warnings) {
   std::vector<PointMark> marks;
   const CsvTable table = CsvTable::Read(file, {"point", "image", "u", "v"}, {"sigma_px"});

@@ -28,6 +28,8 @@ struct PointMark {
   bool normalised = false;  // OpenSfM: (pixel - image centre) / larger side
   double sigma_px = 1;      // 1 sigma per axis
 };
+// Whether an image that a table names is the one of `path`: all of the path, or its end after a slash.
+bool NamesPath(const std::string& named, const std::string& path);
 // control_observations.csv: point,image,u,v[,sigma_px]; our pixels.
 std::vector<PointMark> ReadControlObservations(const std::filesystem::path& file, std::vector<std::string>* warnings);
 

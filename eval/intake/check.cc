@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <set>
 
+#include "app/pipeline/detect_stage.h"
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/plan_report.h"
 #include "app/pipeline/reference_tags.h"

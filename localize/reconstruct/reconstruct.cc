@@ -12,6 +12,7 @@
 #include "calib/estimation/loss.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
+#include "calib/geometry/nearest_to_rays.h"
 
 namespace trigpoint {
 namespace {
@@ -481,17 +482,13 @@ void WidenUntilConsistent(const LocalizeInput& input, const ReconstructOptions& 
 
 bool TriangulateRays(const std::vector<Rigid3d>& view_from_world, const std::vector<Eigen::Vector3d>& rays,
                      Eigen::Vector3d* point) {
-  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  NearestToRays meeting;
   for (size_t i = 0; i < rays.size(); ++i) {
-    const Eigen::Vector3d d = view_from_world[i].rotation.conjugate() * rays[i];
-    const Eigen::Matrix3d m = Eigen::Matrix3d::Identity() - d * d.transpose();
-    a += m;
-    b += m * view_from_world[i].TargetOriginInSource();
+    meeting.Add(view_from_world[i].TargetOriginInSource(), view_from_world[i].rotation.conjugate() * rays[i]);
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(a, Eigen::EigenvaluesOnly);
-  if (!(eigen.eigenvalues()(0) > 1e-9 * eigen.eigenvalues()(2))) return false;
-  *point = a.ldlt().solve(b);
+  const Eigen::Vector3d spread = meeting.Spread();
+  if (!(spread(0) > 1e-9 * spread(2))) return false;
+  *point = meeting.Point();
   if (!point->allFinite()) return false;
   // In front of at least the most of its views.
   size_t front = 0;

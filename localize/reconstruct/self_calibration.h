@@ -30,7 +30,6 @@ std::vector<SelfCalibration> ReviseLenses(const LocalizeInput& input, const Reco
 
 // Cameras whose focal length is hardly known (focal_sigma_share of kWildGuess and more) get the one under which most
 // matches of images near each other in time fit a two-view geometry: right to about a tenth. Nothing else changes.
-inline constexpr double kWildGuess = 0.2;
 void SearchFocalLengths(LocalizeInput* input, const ViewGraphOptions& pairs, int threads, uint64_t seed,
                         ProgressSink& progress, const CancelToken& cancel);
 

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "calib/geo/geodetic.h"
+#include "calib/geometry/nearest_to_rays.h"
 
 namespace trigpoint {
 namespace {
@@ -59,18 +60,12 @@ void CentreRig(StitchedRig* rig) {
 }
 
 Eigen::Vector3d CentreOfAxes(const RigState& state) {
-  Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d g = Eigen::Vector3d::Zero();
+  NearestToRays meeting;
   for (const RigPhoto& p : state.photos) {
-    if (!p.placed) continue;
-    const Eigen::Vector3d z = p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ();
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - z * z.transpose();
-    h += across;
-    g += across * p.centre;
+    if (p.placed) meeting.Add(p.centre, p.cam_from_rig.conjugate() * Eigen::Vector3d::UnitZ());
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(h);
-  if (eigen.eigenvalues()(0) < 1e-6 * h.trace()) return Eigen::Vector3d::Zero();
-  return h.ldlt().solve(g);
+  if (meeting.Spread()(0) < 1e-6 * meeting.Trace()) return Eigen::Vector3d::Zero();
+  return meeting.Point();
 }
 
 void DescribeParallax(StitchedRig* rig) {

@@ -19,6 +19,7 @@
 #include "calib/geo/geodetic.h"
 #include "calib/geo/unit_of_length.h"
 #include "calib/geometry/alignment.h"
+#include "calib/geometry/nearest_to_rays.h"
 #include "survey/tags/planar_pose.h"
 
 namespace trigpoint {
@@ -195,20 +196,17 @@ std::map<int, std::vector<CentreSight>> CentresOf(const SurveyInput& input, cons
 // Distance to a tag by the parallax of its pictures along odometry, over that by its stated size: median of the
 // pictures. Nothing without parallax.
 std::optional<double> SizeRatio(const std::vector<CentreSight>& sights) {
-  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  NearestToRays meeting;
   std::vector<Eigen::Vector3d> origins, rays;
   for (const CentreSight& s : sights) {
     origins.push_back(s.odom_from_body * s.camera_in_body);
     rays.push_back((s.odom_from_body * s.in_body - origins.back()).normalized());
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - rays.back() * rays.back().transpose();
-    a += across;
-    b += across * origins.back();
+    meeting.Add(origins.back(), rays.back());
   }
   double widest = 1;
   for (const Eigen::Vector3d& ray : rays) widest = std::min(widest, ray.dot(rays.front()));
   if (widest > std::cos(kLeastParallax_rad)) return std::nullopt;
-  const Eigen::Vector3d point = a.ldlt().solve(b);
+  const Eigen::Vector3d point = meeting.Point();
   std::vector<double> ratios;
   for (size_t i = 0; i < sights.size(); ++i) {
     ratios.push_back((point - origins[i]).dot(rays[i]) / (sights[i].in_body - sights[i].camera_in_body).norm());

@@ -8,6 +8,7 @@
 
 #include "calib/base/error.h"
 #include "calib/geometry/alignment.h"
+#include "calib/geometry/nearest_to_rays.h"
 #include "datasets/io/camchain.h"
 #include "survey/tags/control.h"
 #include "survey/tags/planar_pose.h"
@@ -221,8 +222,7 @@ std::set<int64_t> Waypoints(const Trajectory& odometry,
 void PlaceMarks(const SurveyInput& input, MapStart* start) {
   for (const SurveyPoint& p : input.points) {
     if (p.marks.empty()) continue;
-    Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    NearestToRays meeting;
     for (const SurveyMark& m : p.marks) {
       const int f = FrameAt(*start, m.run, m.stamp_ns);
       if (f < 0 || !start->frames[f].world_from_body) continue;
@@ -230,13 +230,10 @@ void PlaceMarks(const SurveyInput& input, MapStart* start) {
       const auto ray = camera.camera.Unproject(m.pixel);
       if (!ray) continue;
       const Rigid3d map_from_cam = *start->frames[f].world_from_body * camera.cam_from_body.Inverse();
-      const Eigen::Vector3d d = map_from_cam.rotation * *ray;
-      const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - d * d.transpose();
-      a += across;
-      b += across * map_from_cam.translation;
+      meeting.Add(map_from_cam.translation, map_from_cam.rotation * *ray);
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(a, Eigen::EigenvaluesOnly);
-    if (eigen.eigenvalues()(0) > 1e-6 * eigen.eigenvalues()(2)) start->marked[p.name] = a.ldlt().solve(b);
+    const Eigen::Vector3d spread = meeting.Spread();
+    if (spread(0) > 1e-6 * spread(2)) start->marked[p.name] = meeting.Point();
   }
 }
 

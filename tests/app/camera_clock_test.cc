@@ -3,9 +3,9 @@
 
 #include <cmath>
 
-#include "app/pipeline/calibrate_hand_eye.h"
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/tag_views.h"
+#include "survey/tags/hand_eye_sights.h"
 
 namespace trigpoint {
 namespace {

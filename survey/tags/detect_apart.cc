@@ -1,4 +1,4 @@
-#include "app/pipeline/detect_apart.h"
+#include "survey/tags/detect_apart.h"
 
 #include <fmt/format.h>
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/reference_tags.h"
+#include "survey/input/reference_tags.h"
 #include "survey/tags/station_offset.h"
 
 namespace trigpoint {
@@ -14,7 +14,7 @@ namespace trigpoint {
 // are tags of references, by name, that were looked for already. A file that cannot be read is named in the log and
 // left out.
 std::vector<StationOffset> MeasureStations(const Project& project, const std::vector<TagEstimate>& map,
-                                           const std::map<std::string, ReferenceTags>& found,
+                                           const std::map<std::string, ReferenceTags>& found, const RigFolders& rigs,
                                            const DetectTagsOptions& options, StageContext& context);
 
 }  // namespace trigpoint

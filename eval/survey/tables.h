@@ -4,8 +4,9 @@
 
 #include <filesystem>
 
-#include "app/pipeline/survey_report.h"
+#include "calib/base/progress.h"
 #include "datasets/project/project.h"
+#include "eval/survey/findings.h"
 
 namespace trigpoint {
 

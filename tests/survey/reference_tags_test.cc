@@ -1,5 +1,5 @@
 // Tags in panoramas and photos to localize, for the survey.
-#include "app/pipeline/reference_tags.h"
+#include "survey/input/reference_tags.h"
 
 #include <gtest/gtest.h>
 
@@ -31,7 +31,7 @@ TEST(ReferenceTags, AreNotTakenFromWhatAMaskHides) {
   const StageContext context{project, folder.dir(), 1, 1, progress, cancel, metrics};
   const auto found = [&] {
     size_t tags = 0;
-    for (const ImageTags& view : FindReferenceTags(project, reference, {}, context).tags) {
+    for (const ImageTags& view : FindReferenceTags(reference, {}, {}, context).tags) {
       tags += view.detections.size();
     }
     return tags;

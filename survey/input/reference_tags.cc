@@ -1,16 +1,16 @@
-#include "app/pipeline/reference_tags.h"
+#include "survey/input/reference_tags.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <opencv2/core.hpp>
 
-#include "app/pipeline/detect_apart.h"
-#include "app/pipeline/set_localization.h"
+#include "calib/base/error.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 #include "datasets/io/views.h"
 #include "survey/panorama/rig_files.h"
+#include "survey/tags/detect_apart.h"
 #include "survey/tags/tag_finder.h"
 
 namespace trigpoint {
@@ -29,7 +29,7 @@ ViewPicture LoadView(const Reference& reference, const std::filesystem::path& ph
 }
 
 // Fills in the rig; the pictures of its views.
-std::vector<ViewPicture> LoadPictures(const Project& project, const Reference& reference, ReferenceTags* out) {
+std::vector<ViewPicture> LoadPictures(const Reference& reference, const RigFolders& rigs, ReferenceTags* out) {
   std::vector<ViewPicture> pictures;
   if (reference.kind == ReferenceKind::kPanorama) {
     const cv::Mat panorama = LoadPanorama(reference.files.front(), true);
@@ -42,7 +42,6 @@ std::vector<ViewPicture> LoadPictures(const Project& project, const Reference& r
       pictures.push_back({RenderView(panorama, view), of_view});
     }
   } else if (reference.kind == ReferenceKind::kPhotoSet) {
-    const auto rigs = StitchedRigs(project);
     const auto rig = rigs.find(reference.name);
     if (rig == rigs.end() || !std::filesystem::exists(rig->second / "rig.csv")) return pictures;
     const RigFile file = ReadRigFiles(rig->second);
@@ -63,10 +62,10 @@ std::vector<ViewPicture> LoadPictures(const Project& project, const Reference& r
 
 }  // namespace
 
-ReferenceTags FindReferenceTags(const Project& project, const Reference& reference, const DetectTagsOptions& options,
+ReferenceTags FindReferenceTags(const Reference& reference, const RigFolders& rigs, const DetectTagsOptions& options,
                                 const StageContext& context) {
   ReferenceTags out;
-  const std::vector<ViewPicture> pictures = LoadPictures(project, reference, &out);
+  const std::vector<ViewPicture> pictures = LoadPictures(reference, rigs, &out);
   if (pictures.empty()) return out;
   double pixels = 0;
   for (const ViewPicture& picture : pictures) pixels = std::max(pixels, static_cast<double>(picture.grey.total()));

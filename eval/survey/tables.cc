@@ -1,4 +1,4 @@
-#include "app/pipeline/survey_tables.h"
+#include "eval/survey/tables.h"
 
 #include <fmt/format.h>
 
@@ -182,8 +182,8 @@ void WriteSessions(const SurveyJob& job, const SurveyResult& result, const Surve
       csv.Empty(2);
     }
     csv.Integer(static_cast<int64_t>(run.jumps_ns.size()));
-    const auto left_out = findings.repeatability_without.find(run.name);
-    if (left_out != findings.repeatability_without.end() && left_out->second.differences > 0) {
+    const auto left_out = findings.repeats.without.find(run.name);
+    if (left_out != findings.repeats.without.end() && left_out->second.differences > 0) {
       csv.Number(left_out->second.rms_m, 5).Integer(left_out->second.differences);
     } else {
       csv.Empty(2);

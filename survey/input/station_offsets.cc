@@ -1,11 +1,14 @@
-#include "app/pipeline/survey_stations.h"
+#include "survey/input/station_offsets.h"
 
 #include <algorithm>
+#include <utility>
+
+#include "calib/base/error.h"
 
 namespace trigpoint {
 
 std::vector<StationOffset> MeasureStations(const Project& project, const std::vector<TagEstimate>& map,
-                                           const std::map<std::string, ReferenceTags>& found,
+                                           const std::map<std::string, ReferenceTags>& found, const RigFolders& rigs,
                                            const DetectTagsOptions& options, StageContext& context) {
   std::vector<std::pair<const Reference*, const Station*>> jobs;
   for (const Reference& reference : project.site().references) {
@@ -22,7 +25,7 @@ std::vector<StationOffset> MeasureStations(const Project& project, const std::ve
     try {
       const auto already = found.find(reference->name);
       const ReferenceTags its =
-          already != found.end() ? already->second : FindReferenceTags(project, *reference, options, context);
+          already != found.end() ? already->second : FindReferenceTags(*reference, rigs, options, context);
       std::vector<PanoramaTag> seen;
       for (size_t i = 0; i < its.tags.size(); ++i) {
         const View& view = its.rig.views[i];

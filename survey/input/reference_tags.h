@@ -1,11 +1,13 @@
 // The tags that panoramas, photos and stitched photo sets show, for the survey.
 #pragma once
 
+#include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
-#include "app/pipeline/stages.h"
 #include "calib/camera/rig.h"
+#include "datasets/project/stage.h"
 #include "survey/tags/detection.h"
 
 namespace trigpoint {
@@ -16,11 +18,11 @@ struct ReferenceTags {
   double rig_scale_sigma = 0;   // 1 sigma of a set's rig's size, a share of it
 };
 
-// Throws InputError for a picture that cannot be read.
-ReferenceTags FindReferenceTags(const Project& project, const Reference& reference, const DetectTagsOptions& options,
-                                const StageContext& context);
+// Where the stitched rigs of photo sets lie, by the name of their set.
+using RigFolders = std::map<std::string, std::filesystem::path>;
 
-// What `detect` looks for and how, for its runs and for these.
-DetectTagsOptions DetectorOptions(const Project& project, const StageTarget& target);
+// Throws InputError for a picture that cannot be read.
+ReferenceTags FindReferenceTags(const Reference& reference, const RigFolders& rigs, const DetectTagsOptions& options,
+                                const StageContext& context);
 
 }  // namespace trigpoint
