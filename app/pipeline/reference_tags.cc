@@ -9,8 +9,8 @@
 #include "app/pipeline/set_localization.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
+#include "datasets/io/rig_file.h"
 #include "datasets/io/views.h"
-#include "survey/panorama/rig_files.h"
 #include "survey/tags/tag_finder.h"
 
 namespace trigpoint {

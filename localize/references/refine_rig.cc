@@ -1,4 +1,4 @@
-#include "survey/panorama/refine_rig.h"
+#include "localize/references/refine_rig.h"
 
 #include <ceres/ceres.h>
 
