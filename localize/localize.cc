@@ -556,4 +556,16 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
   return result;
 }
 
+Localization LocalizeAtItsLength(bool has_odometry, const std::function<Localization(double length)>& localize) {
+  constexpr int kRounds = 3;
+  constexpr double kGoodEnough = 1.1;
+  double length = 1;
+  for (int round = 1;; ++round) {
+    Localization result = localize(length);
+    const bool known = std::abs(std::log(result.odometry_scale)) < std::log(kGoodEnough);
+    if (has_odometry || !result.on_earth || known || round == kRounds) return result;
+    length *= result.odometry_scale;
+  }
+}
+
 }  // namespace trigpoint

@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 
 #include "app/pipeline/detect_apart.h"
-#include "app/pipeline/set_localization.h"
+#include "app/pipeline/reference_parts.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 #include "datasets/io/rig_file.h"

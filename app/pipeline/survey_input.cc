@@ -8,7 +8,6 @@
 #include <sstream>
 #include <utility>
 
-#include "app/pipeline/image_motion.h"
 #include "app/pipeline/marking.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
@@ -18,9 +17,11 @@
 #include "calib/geo/geodetic.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/gps.h"
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
+#include "localize/reconstruct/image_motion.h"
 #include "survey/tags/control.h"
 #include "survey/tags/tie_points.h"
 
@@ -345,7 +346,7 @@ void AddGps(const Project& project, const Run& run, SurveyRun* survey) {
       if (at == stamps.begin()) continue;
       --at;
     }
-    if (std::llabs(*at - fix.stamp_ns) > 300'000'000) continue;
+    if (std::llabs(*at - fix.stamp_ns) > kLongestFromFixNs) continue;
     survey->gps.push_back(
         {*at, run.config.gps_lever_arm_m, project.frame().EnuFromGeodetic(fix.position), fix.sigma_h_m, fix.sigma_v_m});
   }

@@ -5,7 +5,7 @@
 #include <map>
 
 #include "app/pipeline/reconstruct_stage.h"
-#include "app/pipeline/set_localization.h"
+#include "app/pipeline/reference_parts.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/survey_report.h"
 #include "app/pipeline/survey_stations.h"
