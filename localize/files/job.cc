@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "datasets/io/credits.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/gps.h"
@@ -29,8 +30,7 @@ int64_t LongestGap(const Trajectory& odometry) {
     steps.push_back(odometry.poses[i].stamp_ns - odometry.poses[i - 1].stamp_ns);
   }
   if (steps.empty()) return 0;
-  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
-  return std::max<int64_t>(1'000'000'000, 3 * steps[steps.size() / 2]);
+  return std::max<int64_t>(1'000'000'000, 3 * Median(std::move(steps)));
 }
 
 // As features are stored.

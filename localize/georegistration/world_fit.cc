@@ -309,7 +309,6 @@ bool Fitter::LeaveOutMoved(const std::vector<int>& run_of_image, std::vector<Tag
 // Noise of the corners from their residuals, never below what is stated.
 void Fitter::WeighCorners() {
   constexpr size_t kLeast = 40;
-  constexpr double kMedianChi2 = 1.386;  // of 2 degrees of freedom
   std::vector<double> errors;
   for (size_t i = first_corner_; i < first_corner_ + corners_; ++i) {
     FactorTerms t;
@@ -317,7 +316,7 @@ void Fitter::WeighCorners() {
     if (!p_.factors[i].sqrt_info.isZero()) errors.push_back(t.r.squaredNorm());
   }
   if (errors.size() < kLeast) return;
-  const double factor = std::sqrt(Median(std::move(errors)) / kMedianChi2);
+  const double factor = SigmaRatio(std::move(errors), 2);
   if (!(factor > 1)) return;
   for (size_t i = first_corner_; i < first_corner_ + corners_; ++i) p_.factors[i].sqrt_info /= factor;
 }
