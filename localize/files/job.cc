@@ -37,17 +37,17 @@ int64_t LongestGap(const Trajectory& odometry) {
 std::string NameOfView(const PreparedReference& p, const View& view) { return p.name + "#" + view.name; }
 
 // A stitched set: one reference with the photos as views.
-struct StitchedSet {
+struct SetAsReference {
   ReferenceViews reference;  // with the cameras that photos are matched with
   ViewRig rig;               // with the photos' own
   std::vector<std::string> names;
 };
 
 // Nothing where the rig names a photo without features.
-std::optional<StitchedSet> SetOf(const Site& site, int index, const ViewRig& rig, const FeatureStore& store,
-                                 const std::vector<PreparedReference>& prepared) {
+std::optional<SetAsReference> SetOf(const Site& site, int index, const ViewRig& rig, const FeatureStore& store,
+                                    const std::vector<PreparedReference>& prepared) {
   const Reference& reference = site.references[static_cast<size_t>(index)];
-  StitchedSet set;
+  SetAsReference set;
   ReferenceViews& r = set.reference;
   r.name = r.rig.name = set.rig.name = reference.name;
   r.station = reference.station;
@@ -86,7 +86,7 @@ void AddStitchedSets(const Site& site, const std::map<std::string, std::filesyst
       job->warnings.push_back(std::string(e.what()) + "; the photos of " + reference.name + " are used one by one");
       continue;
     }
-    std::optional<StitchedSet> set = SetOf(site, index, file.rig, store, *prepared);
+    std::optional<SetAsReference> set = SetOf(site, index, file.rig, store, *prepared);
     if (!set) {
       job->warnings.push_back("the rig of " + reference.name +
                               " names photos without features; its photos are used one by one");
