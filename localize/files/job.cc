@@ -1,12 +1,15 @@
 #include "localize/files/job.h"
 
 #include <algorithm>
+#include <cstdlib>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
 
 #include "calib/base/error.h"
 #include "calib/base/median.h"
+#include "datasets/io/camchain.h"
 #include "datasets/io/credits.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/gps.h"

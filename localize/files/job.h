@@ -9,6 +9,7 @@
 #include "datasets/io/views.h"
 #include "localize/georegistration/world_fit.h"
 #include "localize/reconstruct/frames.h"
+#include "localize/reconstruct/kept_features.h"
 #include "localize/references/stitched_sets.h"
 
 namespace trigpoint {

@@ -11,7 +11,6 @@
 #include "datasets/solution/covariance_tables.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
-#include "localize/reconstruct/rolling_shutter.h"
 
 namespace trigpoint {
 namespace {
