@@ -293,7 +293,7 @@ Eigen::MatrixXd CovarianceOf(const RefineRigInput& input, RigFreedom freedom, co
 }
 
 RigSolution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
-               const std::vector<KnownPoint>& points, bool with_covariance) {
+                  const std::vector<KnownPoint>& points, bool with_covariance) {
   RigSolution out;
   std::array<double, 7> pose{};
   Rigid3ToBlock(input.rig_from_world, pose.data());
