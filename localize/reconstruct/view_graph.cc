@@ -331,12 +331,6 @@ PoseFactor EdgeFactor(const LocalizeInput& input, const ViewEdge& edge) {
   return f;
 }
 
-double SquaredNorm(const BundleProblem& p, const PoseFactor& f) {
-  FactorTerms t;
-  EvaluateFactor(p, f, &t);
-  return t.r.squaredNorm();
-}
-
 // Bends odometry to the edges: wide kernels first, since the poses of odometry are many sigmas of an edge off. Returns
 // the squared error of each edge at the end.
 std::vector<double> SolvePoseGraph(const std::vector<PoseFactor>& edges, double gate_chi2, BundleProblem* p,
@@ -358,7 +352,7 @@ std::vector<double> SolvePoseGraph(const std::vector<PoseFactor>& edges, double 
   }
   p->factors.resize(odometry);
   std::vector<double> errors;
-  for (const PoseFactor& f : edges) errors.push_back(SquaredNorm(*p, f));
+  for (const PoseFactor& f : edges) errors.push_back(SquaredError(*p, f));
   return errors;
 }
 
