@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 
+#include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
 #include "calib/geometry/similarity.h"
@@ -92,9 +93,7 @@ double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& ta
       errors.push_back(SquaredError(r.problem, r.problem.observations[k]));
   }
   if (errors.size() < 50) return 1;
-  const size_t middle = errors.size() / 2;
-  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(middle), errors.end());
-  return std::sqrt(errors[middle] / 1.386);  // median of chi-square with 2 dof
+  return SigmaRatio(std::move(errors), 2);
 }
 
 // Of the solved problem, with what the lenses and the references' views leave open.
@@ -554,6 +553,18 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
   Answer(task, std::move(earth), &result);
   steps.End("earth and covariances");
   return result;
+}
+
+Localization LocalizeAtItsLength(bool has_odometry, const std::function<Localization(double length)>& localize) {
+  constexpr int kRounds = 3;
+  constexpr double kGoodEnough = 1.1;
+  double length = 1;
+  for (int round = 1;; ++round) {
+    Localization result = localize(length);
+    const bool known = std::abs(std::log(result.odometry_scale)) < std::log(kGoodEnough);
+    if (has_odometry || !result.on_earth || known || round == kRounds) return result;
+    length *= result.odometry_scale;
+  }
 }
 
 }  // namespace trigpoint

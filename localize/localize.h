@@ -72,6 +72,10 @@ struct Localization {
   StepSeconds seconds;
 };
 
+// Without odometry the length of a run is first known once it is georeferenced. Thresholds in metres hold from then on,
+// so it is localized again, its reconstruction `length` times as long.
+Localization LocalizeAtItsLength(bool has_odometry, const std::function<Localization(double length)>& localize);
+
 // Called when all but the stitched sets have taken part in the solution: it may replace the rigs of these and their
 // registrations. The reconstruction has the other references' observations (image_of < 0) too.
 using RefineReferences =

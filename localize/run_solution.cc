@@ -8,30 +8,16 @@
 namespace trigpoint {
 namespace {
 
-Solution WithImages(const LocalizeInput& input, const std::string& run) {
+Solution WithImages(const LocalizeInput& input, const std::string& run, Reconstruction reconstruction) {
   Solution s;
+  static_cast<Reconstruction&>(s) = std::move(reconstruction);
+  s.problem.scales.front().sigma = input.scale_sigma;
   s.run = run;
   s.cameras = input.cameras;
   for (BodyCamera& camera : s.cameras) camera.mask = {};
-  for (const FrameImage& image : input.images)
-    s.images.push_back({image.stamp_ns, image.name, image.camera, image.pose});
+  s.images = input.images;
   s.pose_stamps = input.pose_stamps;
   return s;
-}
-
-void MoveReconstruction(Reconstruction&& r, double scale_sigma, Solution* s) {
-  s->problem = std::move(r.problem);
-  s->problem.scales.front().sigma = scale_sigma;
-  s->image_of = std::move(r.image_of);
-  s->feature_of = std::move(r.feature_of);
-  s->depth_m = std::move(r.depth_m);
-  s->point_valid = std::move(r.point_valid);
-  s->sigma_px = r.sigma_px;
-  s->correlation_inflation = r.correlation_inflation;
-  s->odometry_noise_factor = r.odometry_noise_factor;
-  s->lens_errors = std::move(r.lens_errors);
-  s->summary = r.summary;
-  s->dropped_observations = r.dropped_observations;
 }
 
 SolutionReference ReferenceOf(const ReferenceViews& views, const ReferenceAnswer& answer) {
@@ -58,7 +44,7 @@ SolutionReference ReferenceOf(const ReferenceViews& views, const ReferenceAnswer
 
 Solution SolutionOf(const LocalizeInput& input, const std::string& run, const std::string& mode,
                     RunReconstruction reconstruction) {
-  Solution s = WithImages(input, run);
+  Solution s = WithImages(input, run, std::move(reconstruction.reconstruction));
   s.mode = mode;
   const LoopSummary& loops = reconstruction.loops;
   s.counts = {{"tracks", reconstruction.tracks.tracks},
@@ -75,12 +61,11 @@ Solution SolutionOf(const LocalizeInput& input, const std::string& run, const st
               {"loops_closed", loops.closed},
               {"loops_merged_points", loops.merged_points},
               {"loops_correction_m", loops.correction_m}};
-  MoveReconstruction(std::move(reconstruction.reconstruction), input.scale_sigma, &s);
   return s;
 }
 
 Reconstruction ReconstructionOf(const LocalizeInput& input, Solution s) {
-  const auto same = [](const SolutionImage& a, const FrameImage& b) {
+  const auto same = [](const FrameImage& a, const FrameImage& b) {
     return a.stamp_ns == b.stamp_ns && a.name == b.name && a.camera == b.camera && a.pose == b.pose;
   };
   if (s.cameras.size() != input.cameras.size() ||
@@ -88,27 +73,14 @@ Reconstruction ReconstructionOf(const LocalizeInput& input, Solution s) {
     throw InputError("the solution of run " + s.run + " holds other images than the run has now: run `trigpoint " +
                      "reconstruct` again");
   }
-  Reconstruction r;
-  r.problem = std::move(s.problem);
-  r.image_of = std::move(s.image_of);
-  r.feature_of = std::move(s.feature_of);
-  r.depth_m = std::move(s.depth_m);
-  r.point_valid = std::move(s.point_valid);
-  r.sigma_px = s.sigma_px;
-  r.correlation_inflation = s.correlation_inflation;
-  r.odometry_noise_factor = s.odometry_noise_factor;
-  r.lens_errors = std::move(s.lens_errors);
-  r.summary = s.summary;
-  r.dropped_observations = s.dropped_observations;
-  return r;
+  return std::move(static_cast<Reconstruction&>(s));
 }
 
 Solution SolutionOf(const LocalizeInput& input, const std::string& run, const std::string& mode,
                     const SolutionCounts& counts, Localization* result) {
-  Solution s = WithImages(input, run);
+  Solution s = WithImages(input, run, std::move(result->reconstruction));
   s.mode = mode;
   s.counts = counts;
-  MoveReconstruction(std::move(result->reconstruction), input.scale_sigma, &s);
   s.covariances = std::move(result->pose_covariances);
   for (size_t i = 0; i < result->references.size(); ++i) {
     s.references.push_back(ReferenceOf(input.references[i], result->references[i]));

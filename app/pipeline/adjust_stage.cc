@@ -6,17 +6,17 @@
 #include <set>
 #include <sstream>
 
-#include "app/pipeline/image_motion.h"
-#include "app/pipeline/localize_files.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reference_parts.h"
-#include "app/pipeline/set_localization.h"
-#include "app/pipeline/site_files.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/world_evidence.h"
+#include "calib/base/counted.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
+#include "localize/files/job.h"
+#include "localize/reconstruct/image_motion.h"
 #include "localize/site/adjust_site.h"
+#include "localize/site/tables.h"
 
 namespace trigpoint {
 namespace {
@@ -180,6 +180,26 @@ void AdjustProject(const SiteStageOptions& options, const StageTarget& target, S
   WriteSolution(site.solution, context.out / kSolutionFile);
   WriteSiteTables(site, context.out);
   context.metrics.update(MetricsOf(site));
+}
+
+// What the command ends with, from the manifest's metrics.
+std::string SiteSummary(const nlohmann::json& m, const DisplayUnit& unit) {
+  std::string text = fmt::format(
+      "{} adjusted together, {}; {} of {} panoramas and photos localized, largest sigma {:.3f} {} (1 sigma, worst "
+      "axis); "
+      "datum {}\n",
+      Counted(m.at("runs").get<int64_t>(), "run", "runs"), Counted(m.at("images").get<int64_t>(), "image", "images"),
+      m.at("localized").get<int>(), m.at("references").get<int>(),
+      m.at("largest_panorama_sigma_m").get<double>() / unit.metres, unit.name, m.at("earth_source").get<std::string>());
+  for (const nlohmann::json& run : m.at("of_run")) {
+    text += fmt::format("{}: shares {}, {}, {} with other runs; odometry scale {:.4f} +- {:.4f} (1 sigma)\n",
+                        run.at("run").get<std::string>(),
+                        Counted(run.at("shared_panoramas").get<int64_t>(), "panorama", "panoramas"),
+                        Counted(run.at("shared_tags").get<int64_t>(), "tag", "tags"),
+                        Counted(run.at("shared_points").get<int64_t>(), "point", "points"),
+                        run.at("odometry_scale").get<double>(), run.at("odometry_scale_sigma").get<double>());
+  }
+  return text;
 }
 
 }  // namespace

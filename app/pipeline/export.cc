@@ -9,7 +9,6 @@
 #include <set>
 
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/image_motion.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/export/crs.h"
@@ -25,6 +24,7 @@
 #include "datasets/project/manifest.h"
 #include "datasets/project/outputs.h"
 #include "eval/errors/results.h"
+#include "localize/reconstruct/image_motion.h"
 
 namespace trigpoint {
 namespace {

@@ -13,6 +13,7 @@
 #include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
+#include "datasets/io/rig_file.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "datasets/solution/solution_file.h"
@@ -21,7 +22,6 @@
 #include "localize/reconstruct/feature_store.h"
 #include "localize/reconstruct/matching.h"
 #include "localize/references/photo_focal.h"
-#include "survey/panorama/rig_files.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {

@@ -3,23 +3,16 @@
 
 #include <fmt/format.h>
 
-#include "app/pipeline/image_motion.h"
-#include "app/pipeline/localize_files.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/project/manifest.h"
 #include "datasets/solution/solution_file.h"
-#include "localize/reconstruct/camera_arm.h"
-#include "localize/reconstruct/lens_check.h"
-#include "localize/reconstruct/odometry_check.h"
-#include "localize/reconstruct/odometry_unit.h"
+#include "localize/files/run_reconstruction.h"
 #include "localize/run_solution.h"
 
 namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kOdometry = "odometry";
 
 ReconstructRunOptions OptionsFor(const Project& project, const StageTarget& target) {
   const bool paper = ModeOf(project, target) == "paper";
@@ -48,300 +41,8 @@ StageTarget ReadAs(const Project& project, const std::string& reader, const Stag
   return made ? target : Plain(target);
 }
 
-nlohmann::json ReconstructionMetrics(const LocalizeJob& job, const RunReconstruction& run) {
-  nlohmann::json m;
-  m["images"] = job.input.images.size();
-  m["images_without_odometry"] = job.without_odometry;
-  m["tracks"] = run.tracks.tracks;
-  m["observations"] = run.tracked;
-  m["feature_sigma_px"] = run.reconstruction.sigma_px;
-  for (double f : run.reconstruction.odometry_noise_factor) m["odometry_noise_factor_rx_ry_rz_x_y_z"].push_back(f);
-  m["pairs_contradicting_odometry"] = run.tracks.odometry_contradicted;
-  m["pairs"] = {{"tried", run.pairs_tried}, {"joined", run.pairs_joined}, {"rejected", run.pairs_rejected.size()}};
-  for (const ImagePair& pair : run.pairs_rejected) {
-    m["pairs"]["rejected_images"].push_back(
-        {job.input.images[static_cast<size_t>(pair.a)].name, job.input.images[static_cast<size_t>(pair.b)].name});
-  }
-  m["alignment"] = {{"tried", run.alignments_tried}, {"aligned", run.aligned}};
-  m["loops"] = {{"tried", run.loops.tried},
-                {"found", run.loops.found},
-                {"contradicting", run.loops.contradicting},
-                {"closed", run.loops.closed},
-                {"merged_points", run.loops.merged_points},
-                {"correction_m", run.loops.correction_m}};
-  for (const auto& [name, seconds] : run.seconds) m["seconds"][name] = seconds;
-  return m;
-}
-
-// What the images show of the cameras' readout times: offered, never taken unasked.
-void OfferReadout(const LocalizeInput& input, const std::vector<ReadoutEstimate>& readout, StageContext& context) {
-  constexpr double kSigmas = 5, kLeast_s = 1e-3;
-  for (const ReadoutEstimate& e : readout) {
-    const BodyCamera& camera = input.cameras[static_cast<size_t>(e.camera)];
-    if (camera.part.kind != PicturePart::Kind::kAll) continue;  // its rows are not those of a sensor
-    context.metrics["readout"][camera.name] = {
-        {"used_s", camera.readout_s}, {"estimate_s", e.readout_s}, {"sigma_s", e.sigma_s}};
-    if (std::abs(e.change_s) < std::max(kLeast_s, kSigmas * e.sigma_s)) continue;
-    context.progress.Log(
-        LogLevel::kWarning,
-        fmt::format("camera {}: the images fit best with a readout time of {:.1f} ms +- {:.1f} ms (1 sigma) from the "
-                    "first row to the last; {:.1f} ms was used. If its shutter is a rolling one, write readout_s: "
-                    "{:.4f} under {} in camchain.yaml",
-                    camera.name, 1e3 * e.readout_s, 1e3 * e.sigma_s, 1e3 * camera.readout_s, e.readout_s, camera.name));
-  }
-}
-
-// Refuses odometry that follows other conventions than those of docs/file_formats.md; takes out an even drift.
-// Returns whether it changed the odometry.
-bool RequireConventions(const LocalizeInput& input, const ReconstructOptions& options, Run* run,
-                        StageContext& context) {
-  if (const auto unit = FindOtherUnit(*run)) throw RefusedInput(kOdometry, *unit);
-  OdometryCheckOptions check;
-  check.noise_rad = RotationNoise(OdometryFactors(input, options, Vector6d::Ones()));
-  const std::string file = (run->dir / "odometry.tum").string();
-  const OdometryFinding found =
-      CheckOdometry(input, run->odometry, file, check, context.threads, context.seed, context.progress, context.cancel);
-  if (found.contradiction) throw RefusedInput(kOdometry, *found.contradiction);
-  if (!found.drift) return false;
-  context.progress.Log(LogLevel::kWarning,
-                       file + ": by the images, " + DriftText(*found.drift) +
-                           "; it is taken out. A wrong calibration (focal length, principal point) shows the same on a "
-                           "path that bends to one side: check the gyroscope or wheels that odometry is from, and "
-                           "camchain.yaml");
-  run->odometry = WithoutDrift(run->odometry, input.pose_stamps, input.odom_from_body, found.drift->significant_rad_m);
-  return true;
-}
-
-// Images alone know a run's shape as well as its lens: what another lens would make of it is part of the covariances.
-void HeedLenses(const LocalizeInput& input, RunReconstruction* run, StageContext& context) {
-  try {
-    run->reconstruction.lens_errors = LensErrors(input, run->reconstruction);
-  } catch (const NumericError&) {
-    return;  // what does not determine a lens asks for no other
-  }
-  run->reconstruction.problem.pose_shifts =
-      PoseShiftsByLenses(input, run->reconstruction, context.threads, context.cancel);
-}
-
-// Refuses cameras that stand elsewhere on the body than their calibration says.
-void RequireArms(const Run& run, const LocalizeInput& input, const Reconstruction& reconstruction,
-                 StageContext& context) {
-  const bool stated =
-      std::any_of(input.cameras.begin(), input.cameras.end(), [](const BodyCamera& c) { return c.has_extrinsics; });
-  if (!input.has_odometry || !stated) return;
-  std::optional<ArmError> error;
-  try {
-    error = FindArmError(reconstruction, input.scale_sigma, context.threads, context.cancel);
-  } catch (const NumericError&) {
-    return;  // what does not determine the poses contradicts no calibration
-  }
-  if (!error) return;
-  const Eigen::Vector3d& arm = error->arm_m;
-  const std::string text = fmt::format("{:+.2f}, {:+.2f}, {:+.2f} m (body axes; 1 sigma {:.2f} m)", arm.x(), arm.y(),
-                                       arm.z(), error->sigma_m);
-  context.progress.Log(LogLevel::kInfo,
-                       "place of the cameras on the body against T_cam_imu, by images and odometry: " + text);
-  if (!error->significant) return;
-  throw InputError(fmt::format(
-      "{}: by images and odometry the cameras stand some {:.1f} m from where T_cam_imu of the calibration puts them on "
-      "the body (x forward, y left, z up); expected their places to a few centimetres: measure them anew, and check of "
-      "which point of the body odometry.tum is. Option check_conventions=false skips this check",
-      (run.dir / "camchain.yaml").string(), arm.norm()));
-}
-
-// Refuses a calibration that the images contradict.
-void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run, StageContext& context) {
-  LensCheck check;
-  try {
-    check = CheckLenses(input, run.reconstruction);
-  } catch (const NumericError&) {
-    return;  // what does not determine a lens contradicts none
-  }
-  context.metrics["lens_residuals_removed"] = check.better;
-  if (const auto contradiction = Contradiction(input, check)) throw InputError(*contradiction);
-}
-
 fs::path FeaturesOf(const Project& project, const StageTarget& target) {
   return ResultOf(project, "features", Plain(target)) / kFeaturesFile;
-}
-
-// The job of a run without odometry along the motion that was found for it.
-LocalizeJob JobAlongMotion(Run run, const fs::path& features, const StageContext& context) {
-  FollowReconstruction(context.out, &run);
-  LocalizeJob job = MakeRunJob(run, features);
-  job.input.has_odometry = false;
-  return job;
-}
-
-// Of a reconstruction from some images of a run: their indices become those of the run.
-void RenumberImages(const std::vector<int>& images, RunReconstruction* run) {
-  const auto of_run = [&](int* image) { *image = images[static_cast<size_t>(*image)]; };
-  for (int& image : run->reconstruction.image_of) of_run(&image);
-  for (ImagePair& pair : run->pairs_rejected) of_run(&pair.a), of_run(&pair.b);
-}
-
-// Structure from motion may have single images elsewhere than the reconstruction, which joins all their tracks: where
-// it does, the run is reconstructed again along what was found, as its pairs were judged by the wrong motion. In the
-// end the reconstruction's own motion stands in place of odometry: the one that it began with would pull on every
-// solution that follows.
-RunReconstruction ReconstructAlongMotion(const ReconstructRunOptions& options, LocalizeInput input,
-                                         const StageContext& context) {
-  constexpr int kRounds = 3;
-  for (int round = 1;; ++round) {
-    RunReconstruction run =
-        ReconstructRun(input, options, false, context.threads, context.seed, context.progress, context.cancel);
-    BundleProblem& p = run.reconstruction.problem;
-    bool contradicted = false;
-    for (PoseFactor& f : p.factors) {
-      if (f.kind != PoseFactor::Kind::kBetween) continue;
-      contradicted = contradicted || f.weight < 1;
-      f.measured = p.poses[static_cast<size_t>(f.a)] * p.poses[static_cast<size_t>(f.b)].Inverse();
-    }
-    if (!contradicted || round == kRounds) return run;
-    for (size_t k = 0; k < input.odom_from_body.size(); ++k) input.odom_from_body[k] = p.poses[k].Inverse();
-  }
-}
-
-// Finds the motion first. Where cameras stand apart on the body, the images of one centre of each pose show the motion
-// and, with the other cameras, its length; without a length these take no part, as their places contradict a frame of
-// another unit, unless they are so close together that it does not matter.
-LocalizeJob ReconstructImagesAlone(const ReconstructRunOptions& options, const fs::path& features, const Run& run,
-                                   StageContext& context, RunReconstruction* result) {
-  const fs::path file = context.out / kMotionFile;
-  const FoundMotion found = FindImageMotion(run, MakeRunJob(run, features), options, file, context.threads,
-                                            context.seed, context.progress, context.cancel);
-  LocalizeJob job = JobAlongMotion(run, features, context);
-  const auto done = [&](const std::string& unit, double sigma_share) {
-    WriteMotion(job, result->reconstruction.problem, unit, sigma_share, file);
-    return job;
-  };
-  const std::vector<int> images = ImagesOfFirstCentre(job.input);
-  *result = ReconstructAlongMotion(options, OnlyImages(job.input, images), context);
-  job.warnings.push_back(found.text + found.unit);
-  if (images.size() == job.input.images.size()) return done(found.unit, kUnknownScaleSigma);
-  RenumberImages(images, result);
-  const RigLength length =
-      LengthByRig(job.input, result->reconstruction, options.pairs, context.threads, context.cancel);
-  context.metrics["length_by_rig"] = {{"known", length.known}, {"matches", length.matches}};
-  if (!length.known && length.contradiction_sigmas < 1) {  // the distances are too short to matter
-    *result = ReconstructAlongMotion(options, job.input, context);
-    return done(found.unit, kUnknownScaleSigma);
-  }
-  if (!length.known) {
-    job.warnings.push_back(fmt::format(
-        "run {}: the distances between its cameras do not show its length ({} matches between cameras that stand apart "
-        "agree; expected a length to 10 %, 1 sigma): the {} images of cameras that stand apart from the first take no "
-        "part in the reconstruction",
-        run.name, length.matches, job.input.images.size() - images.size()));
-    return done(found.unit, kUnknownScaleSigma);
-  }
-  context.metrics["length_by_rig"]["sigma_share"] = length.sigma_share;
-  job.input.odom_from_body = MotionInMetres(job.input, result->reconstruction, length.m_per_unit);
-  job.warnings.back() = fmt::format("{}m, by the cameras' places on the body ({:.1f} %, 1 sigma, {} matches)",
-                                    found.text, 100 * length.sigma_share, length.matches);
-  *result = ReconstructAlongMotion(options, job.input, context);
-  return done("m, by the cameras' places on the body", length.sigma_share);
-}
-
-// With the cameras of the run as they are.
-LocalizeJob ReconstructOnce(const ReconstructRunOptions& options, const std::string& mode, const StageTarget& target,
-                            const Run& run, StageContext& context, RunReconstruction* result) {
-  const fs::path features = FeaturesOf(context.project, target);
-  LocalizeJob job = MakeRunJob(run, features);
-  if (!job.input.has_odometry && mode == "paper") {
-    throw InputError("run " + run.name +
-                     ": has no odometry, which the published method needs: odometry.tum (timestamp tx ty tz qx qy qz "
-                     "qw); without it run `trigpoint localize` in its own mode");
-  }
-  if (!job.input.has_odometry) return ReconstructImagesAlone(options, features, run, context, result);
-  *result = ReconstructRun(job.input, options, mode == "paper", context.threads, context.seed, context.progress,
-                           context.cancel);
-  return job;
-}
-
-constexpr double kConvergedPx = 0.5;  // a lens has converged when it moves pixels by less
-
-bool HaveConverged(const std::vector<SelfCalibration>& lenses) {
-  return std::all_of(lenses.begin(), lenses.end(), [](const auto& s) { return s.shift_px < kConvergedPx; });
-}
-
-// Lenses that nobody calibrated are found from the reconstruction, which is then made again with them, until they stay.
-LocalizeJob ReconstructWithItsCameras(const ReconstructRunOptions& options, const std::string& mode,
-                                      const StageTarget& target, Run run, StageContext& context,
-                                      RunReconstruction* result) {
-  constexpr int kRounds = 4;
-  LocalizeInput begin = MakeRunJob(run, FeaturesOf(context.project, target)).input;
-  SearchFocalLengths(&begin, options.pairs, context.threads, context.seed, context.progress, context.cancel);
-  run.cameras = begin.cameras;
-  for (int round = 1;; ++round) {
-    LocalizeJob job = ReconstructOnce(options, mode, target, run, context, result);
-    const std::vector<SelfCalibration> found = SelfCalibrate(job.input, result->reconstruction);
-    if (found.empty()) return job;
-    const bool done = HaveConverged(found);
-    if (done || round == kRounds) {
-      WriteFoundCameras(run, found, context.out / kFoundCamerasFile, context.progress);
-      return job;
-    }
-    TakeCameras(found, &run);
-  }
-}
-
-constexpr double kSignificant = 3;  // sigmas by which a lens must differ from its calibration
-
-// The share of the squared residuals that other lenses remove, where images contradict odometry by so much that their
-// lenses are doubted; else 0. Good calibrations of the data that this was tried with remove at most 0.08, and images
-// act with at most 2.7 times their noise.
-double DoubtOfLenses(const LocalizeInput& input, const Reconstruction& r) {
-  constexpr double kContradicted = 3, kBetter = 0.1;
-  if (!(r.correlation_inflation > kContradicted)) return 0;
-  try {
-    const double better = CheckLenses(input, r).better;
-    return better > kBetter ? better : 0;
-  } catch (const NumericError&) {
-    return 0;
-  }
-}
-
-// Lenses as the images have them, about their calibration; none where they are not significantly different.
-std::vector<SelfCalibration> OtherLenses(const LocalizeInput& input, const Reconstruction& r, const Run& calibrated) {
-  try {
-    std::vector<SelfCalibration> found = ReviseLenses(input, r, calibrated.cameras);
-    const bool differ = std::any_of(found.begin(), found.end(), [](const auto& s) { return s.sigmas > kSignificant; });
-    return differ ? found : std::vector<SelfCalibration>();
-  } catch (const NumericError&) {
-    return {};
-  }
-}
-
-// Where the images contradict odometry by their lenses, these are estimated about their calibration, and the run is
-// reconstructed again with them, until they stay. Kept where less than half of the doubt remains.
-void HeedCalibration(const ReconstructRunOptions& options, const StageTarget& target, const Run& calibrated,
-                     StageContext& context, LocalizeJob* job, RunReconstruction* result) {
-  constexpr int kRounds = 4;
-  std::vector<SelfCalibration> kept;
-  Run run = calibrated;
-  double doubt = DoubtOfLenses(job->input, result->reconstruction);
-  for (int round = 0; round < kRounds && (doubt > 0 || !kept.empty()); ++round) {
-    const std::vector<SelfCalibration> found = OtherLenses(job->input, result->reconstruction, calibrated);
-    if (HaveConverged(found)) break;
-    TakeCameras(found, &run);
-    Run asked = run;
-    try {
-      RequireConventions(MakeRunJob(asked, FeaturesOf(context.project, target)).input, options.reconstruct, &asked,
-                         context);
-    } catch (const RefusedInput&) {
-      break;  // odometry agrees with the images through the calibrated lens alone
-    }
-    RunReconstruction other;
-    LocalizeJob its = ReconstructOnce(options, "trigpoint", target, asked, context, &other);
-    const double remains = DoubtOfLenses(its.input, other.reconstruction);
-    if (remains > (kept.empty() ? 0.5 : 1) * doubt) break;
-    *job = std::move(its), *result = std::move(other), kept = found, doubt = remains;
-  }
-  if (kept.empty()) return;
-  Run revised = calibrated;
-  TakeCameras(kept, &revised);
-  WriteRevisedCameras(calibrated, revised, kept, context.out / kFoundCamerasFile, context.progress);
 }
 
 void MakeReconstruction(const ReconstructRunOptions& options, const std::string& mode, const StageTarget& target,
@@ -349,35 +50,10 @@ void MakeReconstruction(const ReconstructRunOptions& options, const std::string&
   Run run = context.project.run(target.run);
   const Review& review = context.project.review();
   std::erase_if(run.images, [&](const ImageEntry& i) { return review.ExcludesImage(run.name, i.file, i.stamp_ns); });
-  const auto check = [&](const LocalizeJob& job) {
-    return options.check_conventions && job.input.has_odometry &&
-           RequireConventions(job.input, options.reconstruct, &run, context);
-  };
-  const Run as_read = run;
-  // A lens that is a guess would be blamed on odometry: there the check waits for the lens.
-  const bool calibrated = std::none_of(run.cameras.begin(), run.cameras.end(),
-                                       [](const BodyCamera& camera) { return camera.focal_sigma_share > 0; });
-  if (calibrated) check(MakeRunJob(run, FeaturesOf(context.project, target)));
-  RunReconstruction result;
-  LocalizeJob job = calibrated || mode == "paper"
-                        ? ReconstructOnce(options, mode, target, run, context, &result)
-                        : ReconstructWithItsCameras(options, mode, target, run, context, &result);
-  if (!calibrated && check(job)) job = ReconstructWithItsCameras(options, mode, target, run, context, &result);
-  if (options.check_conventions && job.input.has_odometry && result.pairs_joined == 0) {
-    const std::string odometry = (run.dir / "odometry.tum").string();
-    if (const auto wrong = ContradictedByPairs(job.input, result.pairs_rejected, odometry)) throw InputError(*wrong);
-  }
-  if (calibrated && options.check_conventions && mode != "paper") {
-    RequireCalibration(job.input, result, context);
-    if (job.input.has_odometry) HeedCalibration(options, target, as_read, context, &job, &result);
-    RequireArms(run, job.input, result.reconstruction, context);
-  }
-  if (!job.input.has_odometry) HeedLenses(job.input, &result, context);
-  for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
-  context.metrics.update(ReconstructionMetrics(job, result));
-  OfferReadout(job.input, result.readout, context);
+  ReconstructedRun made = ReconstructFiles(run, FeaturesOf(context.project, target), options, mode, context);
   context.progress.Begin("writing the solution", 0);
-  WriteSolution(SolutionOf(job.input, run.name, mode, std::move(result)), context.out / kSolutionFile);
+  WriteSolution(SolutionOf(made.job.input, run.name, mode, std::move(made.reconstruction)),
+                context.out / kSolutionFile);
 }
 
 }  // namespace
@@ -409,7 +85,7 @@ std::optional<std::string> WhyOdometryIsRefused(const Project& project, const st
   const StageInfo& stage = StageNamed("reconstruct");
   const StageTarget its = TargetRead(project, stage, reader, target);
   const auto failure = ReadFailure(project, stage.name, ResultName(stage, its));
-  if (!failure || failure->value("refused", "") != kOdometry) return std::nullopt;
+  if (!failure || failure->value("refused", "") != kRefusedOdometry) return std::nullopt;
   // The failure may be of other files than those that are there now.
   const StageState state = StateOf(project, MakeRequest(project, stage, its), failure->value("seed", uint64_t{1}));
   if (state != StageState::kFailed) return std::nullopt;

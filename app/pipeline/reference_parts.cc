@@ -5,6 +5,7 @@
 #include <set>
 
 #include "calib/base/fnv.h"
+#include "datasets/io/photo_sets.h"
 #include "datasets/project/files.h"
 #include "datasets/project/manifest.h"
 #include "datasets/project/result_part.h"
@@ -108,6 +109,15 @@ void RemoveFormerParts(const Project& project, ProgressSink& progress) {
       progress.Log(LogLevel::kWarning, e.what());
     }
   }
+}
+
+std::map<std::string, std::filesystem::path> StitchedRigs(const Project& project) {
+  std::map<std::string, std::filesystem::path> rigs;
+  for (const std::filesystem::path& set : PhotoSetFolders(project.dir())) {
+    const std::string name = set.filename().string();
+    rigs[name] = project.ResultDir("stitch", name);
+  }
+  return rigs;
 }
 
 }  // namespace trigpoint

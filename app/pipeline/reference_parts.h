@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -42,5 +43,8 @@ std::vector<std::filesystem::path> ReferenceManifests(const Project& project);
 // over from them. Nothing goes while the site has no reference: its pictures may be on a disk that is not mounted. A
 // folder that holds more than the stage wrote stays, with a warning. The caller has the project's lock.
 void RemoveFormerParts(const Project& project, ProgressSink& progress);
+
+// The stitched rigs there are, by the name of their set: results/stitch/<set>.
+std::map<std::string, std::filesystem::path> StitchedRigs(const Project& project);
 
 }  // namespace trigpoint

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
@@ -11,6 +10,8 @@
 #include "datasets/project/files.h"
 #include "eval/errors/reference_maps.h"
 #include "eval/trajectory/estimates.h"
+#include "eval/truth/reference_poses.h"
+#include "eval/truth/reference_report.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {
@@ -50,36 +51,6 @@ Trajectory MotionOf(const Run& run, const ReferenceStageOptions& options, const 
   return motion;
 }
 
-std::string Describe(const ReferencePoses& result, const std::vector<std::string>& evidence, const DisplayUnit& unit) {
-  int tags = 0, bridged = 0, none = 0;
-  std::vector<double> sigmas;
-  for (const ReferencePose& pose : result.poses) {
-    tags += pose.status == "tags";
-    bridged += pose.status == "bridged";
-    none += pose.status == "none";
-    if (pose.world_from_cam) sigmas.push_back(std::sqrt(pose.covariance.bottomRightCorner<3, 3>().trace()));
-  }
-  std::string text = fmt::format("{} images: {} see tags", result.poses.size(), tags);
-  if (bridged > 0) text += fmt::format(", {} bridged by the run's motion", bridged);
-  if (none > 0) text += fmt::format(", {} without a pose", none);
-  text += "\n";
-  if (!sigmas.empty()) {
-    text += fmt::format(
-        "1 sigma in space (east, north, up; the map's datum included): median {:.4f}, P90 {:.4f}, max "
-        "{:.4f} {}\n",
-        Quantile(sigmas, 0.5) / unit.metres, Quantile(sigmas, 0.9) / unit.metres, Quantile(sigmas, 1) / unit.metres,
-        unit.name);
-  }
-  text += fmt::format(
-      "{} detections of {} tags, {} left out; corners {:.3f} px rms; motion's scale {:.5f} +- {:.5f} (1 "
-      "sigma), its noise {:.2f} (rotation) and {:.2f} (position) times the stated\n",
-      result.sights, result.tags_used.size(), result.rejected, result.rms_px, result.scale, result.scale_sigma,
-      result.motion_rot_factor, result.motion_m_factor);
-  text += "Rests on:";
-  for (const std::string& item : evidence) text += " " + item;
-  return text + "\n";
-}
-
 void MakeReference(const ReferenceStageOptions& options, const StageTarget& target, StageContext& context) {
   const Project& project = context.project;
   const Run& run = project.run(target.run);
@@ -97,17 +68,7 @@ void MakeReference(const ReferenceStageOptions& options, const StageTarget& targ
   std::vector<std::string> warnings;
   input.detections = ReadDetections(ResultOf(project, "detect", target) / "detections.csv", 0.5, &warnings);
   MoveToImageTimes(run, project.site().tags, &input.detections);
-  if (input.images.empty()) {  // only detections were brought
-    for (const ImageDetections& image : input.detections) {
-      ImageEntry entry;
-      entry.stamp_ns = image.stamp_ns;
-      entry.file = image.image;
-      for (size_t c = 0; c < run.cameras.size(); ++c) {
-        if (run.cameras[c].name == image.camera) entry.camera = static_cast<int>(c);
-      }
-      input.images.push_back(std::move(entry));
-    }
-  }
+  if (input.images.empty()) input.images = ImagesOfDetections(input.detections, run.cameras);
   input.motion = MotionOf(run, options, ResultOf(project, "localize", target));
   if (input.motion.poses.empty()) {
     context.progress.Log(LogLevel::kWarning,
@@ -142,21 +103,9 @@ void MakeReference(const ReferenceStageOptions& options, const StageTarget& targ
            {"trigpoint cameras 1; frame=enu; datum=" + options.map + "; world_from_cam from the tag map"});
   for (const char* unit : {"m", "ft", "us-ft"}) {
     WriteFileAtomically(context.out / fmt::format("report_{}.md", unit),
-                        Describe(result, evidence, DisplayUnitNamed(unit)));
+                        ReferenceText(result, evidence, DisplayUnitNamed(unit)));
   }
-  const auto count = [&](const char* status) {
-    return std::count_if(result.poses.begin(), result.poses.end(),
-                         [&](const ReferencePose& pose) { return pose.status == status; });
-  };
-  context.metrics = {{"images", result.poses.size()},
-                     {"tags", count("tags")},
-                     {"bridged", count("bridged")},
-                     {"none", count("none")},
-                     {"rms_px", result.rms_px},
-                     {"scale", result.scale},
-                     {"scale_sigma", result.scale_sigma},
-                     {"rejected", result.rejected},
-                     {"evidence", evidence}};
+  context.metrics = ReferenceMetrics(result, evidence);
 }
 
 }  // namespace

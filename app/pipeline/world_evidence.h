@@ -5,9 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/localize_files.h"
 #include "app/pipeline/stages.h"
 #include "eval/errors/evaluate.h"
+#include "localize/files/job.h"
+#include "localize/reconstruct/reconstruct.h"
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_poses.h"
 

@@ -9,6 +9,14 @@
 
 namespace trigpoint {
 
+// A picture's mask where the picture is reduced to `size`; an empty one stays so.
+inline cv::Mat ReducedMask(const cv::Mat& mask, const cv::Size& size) {
+  if (mask.empty() || mask.size() == size) return mask;
+  cv::Mat reduced;
+  cv::resize(mask, reduced, size, 0, 0, cv::INTER_NEAREST);
+  return reduced;
+}
+
 struct ShrunkPicture {
   // At most `long_side` px; a picture that is no longer than that is shared, not copied.
   ShrunkPicture(const cv::Mat& full, int long_side) : picture(full) {

@@ -21,6 +21,12 @@ struct FactorTerms {
   Vector6d js = Vector6d::Zero();
 };
 void EvaluateFactor(const BundleProblem& p, const PoseFactor& f, FactorTerms* out);
+// Whitened squared residual of a factor, as that of an observation (bundle.h).
+inline double SquaredError(const BundleProblem& p, const PoseFactor& f) {
+  FactorTerms t;
+  EvaluateFactor(p, f, &t);
+  return t.r.squaredNorm();
+}
 
 // Of a map, whitened: by the left tangents of its rigs' poses, 6 columns each, and last of its frame's, where that is a
 // pose.

@@ -1,6 +1,7 @@
 // GPS tracks: CSV, NMEA 0183, GPX.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -24,6 +25,9 @@ struct RunClock {
 // A height nobody measured is 0 with kUnknownHeightSigma; one above the sea, where nobody says how far the sea lies
 // from the ellipsoid (-107 to +86 m), is kept with this sigma.
 constexpr double kUnknownGeoidSigma = 50;
+
+// A fix says where a pose is that lies no farther from it in time.
+constexpr int64_t kLongestFromFixNs = 300'000'000;
 
 // `timestamp_s` (on the run's clock), `latitude_deg`, `longitude_deg` [, `height_m`, `sigma_h_m`, `sigma_v_m`].
 GpsTrack ReadGpsCsv(const std::filesystem::path& file);

@@ -6,16 +6,15 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "calib/estimation/bundle.h"
 #include "calib/geo/geodetic.h"
 #include "datasets/io/site.h"
+#include "datasets/solution/reconstruction.h"
 
 namespace trigpoint {
 
@@ -73,7 +72,7 @@ struct SolutionGeoreference {
   std::vector<Eigen::Matrix<double, 6, 7>> with_poses;
 };
 
-struct Solution {
+struct Solution : Reconstruction {
   std::string run;
   // Of a site, whose runs were adjusted together: `odom` is the world then, the georeference is the identity without
   // uncertainty, and covariances are those in the world. The problem has a scale for each run. Empty: one run.
@@ -81,27 +80,10 @@ struct Solution {
   std::string mode = "trigpoint";  // trigpoint, paper
 
   std::vector<BodyCamera> cameras;  // without masks
-  // Of each camera, how the images would have its lens instead; empty: as calibrated. Shares of the focal length; the
-  // principal point, px right and down; shares of distortion by r^2 and r^4, where r is 1 in the picture's corners.
-  std::vector<std::array<double, 5>> lens_errors;
   std::vector<SolutionImage> images;
   std::vector<int64_t> pose_stamps;  // of the body poses, which are the first of problem.poses
 
-  // Poses, views (the cameras' first), points, observations sorted by point, odometry. Its scale is held, unless what
-  // lies in the world takes part; scale_sigma is how well the odometry's length is known.
-  BundleProblem problem;
   std::vector<Matrix6d> covariances;  // of problem.poses, at the scale held; empty: not computed
-  std::vector<int> image_of;          // of each observation: image; -1 - i: reference i
-  std::vector<int> feature_of;        // and its feature in features.db
-  std::vector<double> depth_m;        // smallest depth of each point
-  std::vector<bool> point_valid;      // whether the point is part of the solution
-
-  double sigma_px = 0;               // noise of a feature, 1 sigma
-  double correlation_inflation = 1;  // of it in the weights, as errors along a track are correlated
-  // On the assumed noise of odometry: rotation about the body's x, y, z, translation along them.
-  Vector6d odometry_noise_factor = Vector6d::Ones();
-  BundleSummary summary;
-  int dropped_observations = 0;
   SolutionCounts counts;
 
   std::vector<SolutionReference> references;

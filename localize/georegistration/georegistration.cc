@@ -615,10 +615,9 @@ std::string NoDirection(const std::vector<GeoObservation>& obs) {
 
 // How far positions are off, squared and over what their sigmas allow.
 std::vector<double> SquaredRatios(const EarthSolution& best) {
-  constexpr double kMedianChi2[] = {0, 0.455, 1.386, 2.366};
   std::vector<double> ratios;
   for (size_t i = 0; i < best.position_rows.size(); ++i) {
-    if (best.position_rows[i] > 0) ratios.push_back(best.position_chi2[i] / kMedianChi2[best.position_rows[i]]);
+    if (best.position_rows[i] > 0) ratios.push_back(best.position_chi2[i] / kMediansOfChi2[best.position_rows[i]]);
   }
   return ratios;
 }
@@ -670,7 +669,7 @@ namespace {
 // chance (0.1 %).
 double SigmaFactor(std::vector<double> chi2) {
   constexpr size_t kLeast = 5;
-  constexpr double kMedian = 1.386, kSlope = 0.25;  // of a chi-square with two degrees of freedom; its density there
+  constexpr double kMedian = kMediansOfChi2[2], kSlope = 0.25;  // its density there
   constexpr double kChance = 3.09;
   if (chi2.size() < kLeast) return 1;
   const double spread = 0.5 / (kSlope * std::sqrt(static_cast<double>(chi2.size())));
@@ -863,7 +862,6 @@ namespace {
 std::vector<SourceEstimate> EstimateSources(const std::vector<GeoObservation>& stated,
                                             const std::vector<GeoObservation>& used, const GeoRegistration& fit) {
   constexpr int kEnough = 10;
-  constexpr double kMedianChi2 = 1.386;   // of 2 degrees of freedom
   constexpr double kMedianSpread = 0.72;  // of a sigma from a median of n such, times sqrt(n)
   constexpr double kFitted = 2;           // horizontal places that rotation, translation and scale use up
   struct Found {
@@ -891,7 +889,7 @@ std::vector<SourceEstimate> EstimateSources(const std::vector<GeoObservation>& s
     if (e.positions >= kEnough) {
       const double n = e.positions;
       e.sigma_m = e.stated_sigma_m *
-                  std::sqrt(Median(f.squares) / kMedianChi2 * n / (n - kFitted * f.information / information));
+                  std::sqrt(Median(f.squares) / kMediansOfChi2[2] * n / (n - kFitted * f.information / information));
       e.relative_sigma = kMedianSpread / std::sqrt(n);
     }
     estimates.push_back(std::move(e));

@@ -42,7 +42,6 @@ struct Overlay {
 
 Overlay LayOver(const std::vector<Offset>& offsets) {
   constexpr int kIterations = 20;
-  constexpr double kMedianChi2 = 1.386;  // of two degrees of freedom
   std::vector<Complex> run, gps;
   for (const Offset& o : offsets) {
     const Complex place(o.arm.x(), o.arm.y());
@@ -69,7 +68,7 @@ Overlay LayOver(const std::vector<Offset>& offsets) {
       chi2[i] = std::norm(left) / std::pow(offsets[i].sigma_h_m, 2);
     }
   }
-  found.misfit = std::sqrt(Median(std::move(chi2)) / kMedianChi2);
+  found.misfit = SigmaRatio(std::move(chi2), 2);
   return found;
 }
 

@@ -288,9 +288,7 @@ bool Fitter::LeaveOutMoved(const std::vector<int>& run_of_image, std::vector<Tag
       range.try_emplace(run, k, k);
       for (int corner = 0; corner < 4; ++corner, ++k) {
         if (p_.factors[k].sqrt_info.isZero()) continue;  // left out
-        FactorTerms t;
-        EvaluateFactor(p_, p_.factors[k], &t);
-        errors[run].push_back(t.r.squaredNorm());
+        errors[run].push_back(SquaredError(p_, p_.factors[k]));
       }
       range[run].second = k;
     }
@@ -309,15 +307,12 @@ bool Fitter::LeaveOutMoved(const std::vector<int>& run_of_image, std::vector<Tag
 // Noise of the corners from their residuals, never below what is stated.
 void Fitter::WeighCorners() {
   constexpr size_t kLeast = 40;
-  constexpr double kMedianChi2 = 1.386;  // of 2 degrees of freedom
   std::vector<double> errors;
   for (size_t i = first_corner_; i < first_corner_ + corners_; ++i) {
-    FactorTerms t;
-    EvaluateFactor(p_, p_.factors[i], &t);
-    if (!p_.factors[i].sqrt_info.isZero()) errors.push_back(t.r.squaredNorm());
+    if (!p_.factors[i].sqrt_info.isZero()) errors.push_back(SquaredError(p_, p_.factors[i]));
   }
   if (errors.size() < kLeast) return;
-  const double factor = std::sqrt(Median(std::move(errors)) / kMedianChi2);
+  const double factor = SigmaRatio(std::move(errors), 2);
   if (!(factor > 1)) return;
   for (size_t i = first_corner_; i < first_corner_ + corners_; ++i) p_.factors[i].sqrt_info /= factor;
 }

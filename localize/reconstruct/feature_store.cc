@@ -8,6 +8,7 @@
 
 #include "calib/base/error.h"
 #include "calib/base/parallel.h"
+#include "calib/camera/shrunk_picture.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
@@ -86,12 +87,10 @@ class ReferencePicture {
     } else if (problem.empty()) {
       const Camera& camera = p.rig.views[v].camera;
       const Camera matched = MatchedCamera(site, camera);
-      cv::Mat reduced = picture_, mask = mask_;
-      if (matched.width() != picture_.cols) {
-        const cv::Size size(matched.width(), matched.height());
-        cv::resize(picture_, reduced, size, 0, 0, cv::INTER_AREA);
-        if (!mask.empty()) cv::resize(mask_, mask, size, 0, 0, cv::INTER_NEAREST);
-      }
+      cv::Mat reduced = picture_;
+      if (matched.width() != picture_.cols)
+        cv::resize(picture_, reduced, cv::Size(matched.width(), matched.height()), 0, 0, cv::INTER_AREA);
+      const cv::Mat mask = ReducedMask(mask_, reduced.size());
       features[v] = ResizedFeatures(ExtractFeatures(reduced, mask, options.references), matched, camera);
     }
     if (--left_ > 0) return;

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <opencv2/features2d.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "calib/camera/keypoint_order.h"
 #include "calib/camera/pixel_convention.h"
@@ -29,13 +28,11 @@ int LongSide(const cv::Mat& full, int features) {
 FeatureSet ExtractFeatures(const cv::Mat& grey, const cv::Mat& mask, const FeatureOptions& options) {
   const ShrunkPicture small(grey, LongSide(grey, options.max_features));
   const float full_per_pixel = static_cast<float>(small.full_per_pixel.mean());
-  cv::Mat counts = mask;
-  if (!mask.empty()) cv::resize(mask, counts, small.picture.size(), 0, 0, cv::INTER_NEAREST);
   const cv::Ptr<cv::SIFT> sift = cv::SIFT::create(0, 3, options.contrast_threshold, options.edge_threshold, 1.6, CV_8U);
   std::vector<cv::KeyPoint> keypoints;
   cv::Mat descriptors;
   // Together: the scale space is built once.
-  sift->detectAndCompute(small.picture, counts, keypoints, descriptors);
+  sift->detectAndCompute(small.picture, ReducedMask(mask, small.picture.size()), keypoints, descriptors);
   std::vector<int> order = StrongestFirst(keypoints, ContrastOverError);
   order.resize(std::min(order.size(), static_cast<size_t>(options.max_features)));
   FeatureSet features;

@@ -10,17 +10,13 @@
 #include "calib/camera/rolling_shutter.h"
 #include "datasets/colmap/database.h"
 #include "datasets/io/site.h"
+#include "datasets/solution/solution.h"
 
 namespace trigpoint {
 
 struct ViewIndex;  // localize/references/view_index.h
 
-struct FrameImage {
-  int64_t stamp_ns = 0;
-  std::string name;
-  int camera = 0;  // index into LocalizeInput::cameras
-  int pose = 0;    // index of the body pose (images of the same instant share one)
-};
+using FrameImage = SolutionImage;  // of LocalizeInput::cameras and its body poses
 
 // What is not known of a reference's views. All points seen in them share these errors.
 struct ViewErrors {

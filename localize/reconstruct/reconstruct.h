@@ -1,13 +1,13 @@
 // Points and camera poses from tracks and odometry (docs/method.md section 2), and how well they are known.
 #pragma once
 
-#include <array>
 #include <optional>
 #include <vector>
 
 #include "calib/base/option.h"
 #include "calib/base/progress.h"
 #include "calib/estimation/bundle.h"
+#include "datasets/solution/reconstruction.h"
 #include "localize/reconstruct/frames.h"
 #include "localize/reconstruct/tracks.h"
 
@@ -49,25 +49,6 @@ struct ReconstructOptions {
     visit(self.rounds, {"rounds", "", 1, 20, "rounds of outlier removal"});
   }
   std::vector<std::string> Check() const { return CheckRanges(*this); }
-};
-
-using LensParameters = std::array<double, 5>;  // of lens_check.h or self_calibration.cc
-
-// The run in its own frame: odom is the first body pose's odometry frame.
-struct Reconstruction {
-  BundleProblem problem;          // poses: body_from_odom; views: cameras first; observations with image indices below
-  std::vector<int> image_of;      // of each observation of `problem`: image index
-  std::vector<int> feature_of;    // and feature index
-  std::vector<double> depth_m;    // smallest depth of each point
-  std::vector<bool> point_valid;  // part of the bundle and believed
-  double sigma_px = 0;            // estimated noise of a feature
-  double correlation_inflation = 1;  // of it in the weights: errors along a track are correlated
-  // Estimated factors on the odometry's assumed noise: rotation about the body's x, y, z, translation along them.
-  Vector6d odometry_noise_factor = Vector6d::Ones();
-  // Of each camera, how the images would have its lens instead (lens_check.h); empty: as calibrated.
-  std::vector<LensParameters> lens_errors;
-  BundleSummary summary;
-  int dropped_observations = 0;
 };
 
 // Factors between consecutive body poses: odometry with the noise of the options times `noise_factor` (of the body's

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/camera/shrunk_picture.h"
 #include "calib/geometry/bearing.h"
 #include "localize/reconstruct/features.h"
 #include "localize/reconstruct/two_view.h"
@@ -20,15 +21,12 @@ constexpr double kStill_px = 3;        // of it: a feature that stays where it w
 QuickFeatures FindQuickFeatures(const cv::Mat& grey, const cv::Mat& mask, const Camera& camera,
                                 const SharedFeatureOptions& options) {
   const double shrink = std::min(1.0, static_cast<double>(options.side_px) / std::max(grey.cols, grey.rows));
-  cv::Mat small = grey, counts = mask;
-  if (shrink < 1) {
-    cv::resize(grey, small, {}, shrink, shrink, cv::INTER_AREA);
-    if (!mask.empty()) cv::resize(mask, counts, small.size(), 0, 0, cv::INTER_NEAREST);
-  }
+  cv::Mat small = grey;
+  if (shrink < 1) cv::resize(grey, small, {}, shrink, shrink, cv::INTER_AREA);
   FeatureOptions find;
   find.max_features = options.features;
   find.contrast_threshold = kContrast;
-  const FeatureSet features = ExtractFeatures(small, counts, find);
+  const FeatureSet features = ExtractFeatures(small, ReducedMask(mask, small.size()), find);
   QuickFeatures quick;
   quick.pixel_rad = 1 / (shrink * camera.MeanFocal());
   cv::Mat kept(0, DescriptorBlock::kDim, CV_8U);

@@ -331,12 +331,6 @@ PoseFactor EdgeFactor(const LocalizeInput& input, const ViewEdge& edge) {
   return f;
 }
 
-double SquaredNorm(const BundleProblem& p, const PoseFactor& f) {
-  FactorTerms t;
-  EvaluateFactor(p, f, &t);
-  return t.r.squaredNorm();
-}
-
 // Bends odometry to the edges: wide kernels first, since the poses of odometry are many sigmas of an edge off. Returns
 // the squared error of each edge at the end.
 std::vector<double> SolvePoseGraph(const std::vector<PoseFactor>& edges, double gate_chi2, BundleProblem* p,
@@ -358,15 +352,11 @@ std::vector<double> SolvePoseGraph(const std::vector<PoseFactor>& edges, double 
   }
   p->factors.resize(odometry);
   std::vector<double> errors;
-  for (const PoseFactor& f : edges) errors.push_back(SquaredNorm(*p, f));
+  for (const PoseFactor& f : edges) errors.push_back(SquaredError(*p, f));
   return errors;
 }
 
-// Fewest squared errors from which a variance is estimated, and the median of chi-square with 5 dof.
-constexpr size_t kLeastErrors = 8;
-constexpr double kMedianChi2 = 4.35;
-
-constexpr double kMedianOfTurn = 2.366, kMedianOfAside = 1.386;  // 3 and 2 dof
+constexpr size_t kLeastErrors = 8;  // from which a variance is estimated
 
 // Two standard deviations of the first of n, as a part of it.
 double Chance(size_t n) { return 2 * 0.84 / std::sqrt(static_cast<double>(n)); }
@@ -381,7 +371,7 @@ double OdometryVarianceFactor(const std::vector<double>& errors, double gate_chi
   }
   if (agreeing.size() < kLeastErrors) return 1;
   const double chance = Chance(agreeing.size());
-  const double variance = std::max(kLeast, Median(std::move(agreeing)) / kMedianChi2);
+  const double variance = std::max(kLeast, Median(std::move(agreeing)) / kMediansOfChi2[5]);
   return variance < 1 - chance ? variance : 1;
 }
 
@@ -448,9 +438,9 @@ OdometryNoise MatchingNoise(const LocalizeInput& input, const std::vector<PoseFa
       const Eigen::Vector2d parts = prediction.SquaredByPart(e.pair, f);
       turns.push_back(parts[0]), aside.push_back(parts[1]);
     }
-    const double both = std::sqrt(Median(std::move(all)) / kMedianChi2);
-    noise.rotation *= by_part ? std::sqrt(Median(std::move(turns)) / kMedianOfTurn) : both;
-    noise.translation *= by_part ? std::sqrt(Median(std::move(aside)) / kMedianOfAside) : both;
+    const double both = SigmaRatio(std::move(all), 5);
+    noise.rotation *= by_part ? SigmaRatio(std::move(turns), 3) : both;
+    noise.translation *= by_part ? SigmaRatio(std::move(aside), 2) : both;
     noise.rotation = std::max(kLeast, noise.rotation), noise.translation = std::max(kLeast, noise.translation);
   }
   return noise;

@@ -382,8 +382,8 @@ std::vector<PhotoFocal> RefinePhotoFocals(const LocalizeInput& input, const Reco
   RegistrationOptions wide = options;
   wide.guided_px *= 2;
   const auto attempt = [&](const LocalizeInput& tried, const std::vector<size_t>& members, bool is_wide) {
-    return RegisterReferences(tried, reconstruction, retrieval, is_wide ? wide : options, false, members, threads, seed,
-                              progress, cancel);
+    return RegisterReferences(tried, reconstruction, retrieval, is_wide ? wide : options, false, threads, seed,
+                              progress, cancel, &members);
   };
   FocalRefiner refiner(input, reconstruction, options, attempt);
   for (const FocalGroup& group : groups) {

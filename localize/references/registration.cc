@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <set>
 
@@ -1043,22 +1042,13 @@ std::string_view AnswerStatusName(AnswerStatus status) {
 std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,
                                              const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
                                              int threads, uint64_t seed, ProgressSink& progress,
-                                             const CancelToken& cancel) {
-  std::vector<size_t> all(input.references.size());
-  std::iota(all.begin(), all.end(), 0);
-  return RegisterReferences(input, reconstruction, retrieval, options, paper, all, threads, seed, progress, cancel);
-}
-
-std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,
-                                             const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
-                                             const std::vector<size_t>& some, int threads, uint64_t seed,
-                                             ProgressSink& progress, const CancelToken& cancel) {
+                                             const CancelToken& cancel, const std::vector<size_t>* some) {
   const Registrar registrar(input, reconstruction, retrieval, options, paper, seed, cancel);
-  std::vector<Registration> result(some.size());
+  std::vector<Registration> result(some != nullptr ? some->size() : input.references.size());
   progress.Begin("references", static_cast<int64_t>(result.size()));
   ParallelFor(static_cast<int64_t>(result.size()), threads, cancel, [&](int64_t k) {
     const auto at = static_cast<size_t>(k);
-    result[at] = registrar.Run(static_cast<int>(some[at]));
+    result[at] = registrar.Run(static_cast<int>(some != nullptr ? (*some)[at] : at));
     progress.Advance(1);
   });
   return result;

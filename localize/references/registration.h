@@ -117,16 +117,12 @@ struct Registration {
 // that sees it from the side.
 std::vector<Eigen::Matrix3d> PointCovariances(const BundleProblem& p);
 
-// All references against the points. paper: views by homography, G1 per view, G2 with connected views.
+// References against the points: all, or `some`, indices into them; answers in their order. paper: views by homography,
+// G1 per view, G2 with connected views.
 std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,
                                              const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
                                              int threads, uint64_t seed, ProgressSink& progress,
-                                             const CancelToken& cancel);
-// Some of them, indices into the references; answers in their order.
-std::vector<Registration> RegisterReferences(const LocalizeInput& input, const Reconstruction& reconstruction,
-                                             const Retrieval& retrieval, const RegistrationOptions& options, bool paper,
-                                             const std::vector<size_t>& some, int threads, uint64_t seed,
-                                             ProgressSink& progress, const CancelToken& cancel);
+                                             const CancelToken& cancel, const std::vector<size_t>* some = nullptr);
 
 // An image of the run that may show what an earlier traversal has seen.
 struct LoopQuery {

@@ -180,26 +180,14 @@ void NoteGeotags(const GeoStart& start, const GeoRegistrationOptions& options, J
 
 Solution SolutionOf(JoinedRuns&& joined, const WorldFit& fit, std::vector<Matrix6d> covariances) {
   Solution s;
+  static_cast<Reconstruction&>(s) = std::move(joined.reconstruction);
   s.run = "site";
   s.runs = std::move(joined.runs);
   s.cameras = std::move(joined.input.cameras);
   for (BodyCamera& camera : s.cameras) camera.mask = {};
-  for (const FrameImage& image : joined.input.images) {
-    s.images.push_back({image.stamp_ns, image.name, image.camera, image.pose});
-  }
+  s.images = std::move(joined.input.images);
   s.pose_stamps = std::move(joined.input.pose_stamps);
-  Reconstruction& r = joined.reconstruction;
-  s.problem = std::move(r.problem);
   s.covariances = std::move(covariances);
-  s.image_of = std::move(r.image_of);
-  s.feature_of = std::move(r.feature_of);
-  s.depth_m = std::move(r.depth_m);
-  s.point_valid = std::move(r.point_valid);
-  s.sigma_px = r.sigma_px;
-  s.correlation_inflation = r.correlation_inflation;
-  s.odometry_noise_factor = r.odometry_noise_factor;
-  s.summary = r.summary;
-  s.dropped_observations = r.dropped_observations;
   s.references = std::move(joined.references);
   SolutionGeoreference& geo = s.georeference.emplace();
   geo.source = SourceOf(fit);

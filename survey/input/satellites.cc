@@ -51,7 +51,7 @@ void AddGps(const Project& project, const Run& run, SurveyRun* survey) {
       if (at == stamps.begin()) continue;
       --at;
     }
-    if (std::llabs(*at - fix.stamp_ns) > 300'000'000) continue;
+    if (std::llabs(*at - fix.stamp_ns) > kLongestFromFixNs) continue;
     survey->gps.push_back(
         {*at, run.config.gps_lever_arm_m, project.frame().EnuFromGeodetic(fix.position), fix.sigma_h_m, fix.sigma_v_m});
   }

@@ -9,9 +9,9 @@
 //          + w sum_j (rho_j r / tau)^2
 // where a_i is the horizontal unit direction in which photo i looks: a phone held in front of a turning person moves on
 // a circle about the holder, whose radius r is not known well. Photos alone give the shape of it, up to scale; the
-// scale is the prior's until distances are known (refine_rig.h). tau is the scene's parallax: from a circle, points
-// that are all at one distance look like points at infinity through a longer lens; w makes the points count as 50 in
-// that.
+// scale is the prior's until distances are known (localize/references/refine_rig.h). tau is the scene's parallax: from
+// a circle, points that are all at one distance look like points at infinity through a longer lens; w makes the points
+// count as 50 in that.
 //
 // Gauge: the first placed photo's rotation is held; the circle's centre is the origin while solving, the mean of the
 // photos' centres afterwards. Covariances are relative to that.

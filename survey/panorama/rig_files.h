@@ -1,11 +1,8 @@
-// rig.csv and rig.json: the rig as files.
+// rig.csv and rig.json: the rig as files, as datasets/io/rig_file.h reads them.
 #pragma once
 
 #include <filesystem>
-#include <string>
-#include <vector>
 
-#include "calib/camera/rig.h"
 #include "survey/panorama/composite.h"
 #include "survey/panorama/stitch.h"
 
@@ -21,13 +18,5 @@ void WritePairs(const StitchedRig& rig, const std::filesystem::path& dir);
 // Matches kept apart: held_out.csv (photo_a,photo_b,u_a,v_a,u_b,v_b), with where the rig, its rotations alone, and the
 // distances of the points nearby predict (u_b, v_b).
 void WriteHeldOut(const StitchedRig& rig, const std::filesystem::path& dir);
-
-// The views of rig.csv with the lenses of rig.json beside it; names are the photos'. Throws InputError.
-struct RigFile {
-  ViewRig rig;                                // rig_from_view with covariances
-  double radius_m = 0, radius_log_sigma = 0;  // of the circle: what the rig's scale rests on
-  Eigen::MatrixXd shape_covariance;           // as RigBundleResult::shape_covariance; empty: not known
-};
-RigFile ReadRigFiles(const std::filesystem::path& dir);
 
 }  // namespace trigpoint

@@ -915,8 +915,7 @@ class Stitcher {
     }
     if (r2.size() < 20 || dof <= 0) return 1;
     const double share = dof / (2.0 * static_cast<double>(r2.size()));  // of the noise that fitting leaves visible
-    std::nth_element(r2.begin(), r2.begin() + static_cast<std::ptrdiff_t>(r2.size() / 2), r2.end());
-    return std::clamp(std::sqrt(r2[r2.size() / 2] / 1.386 / std::max(0.2, share)), kLeastNoisePx, 5.0);
+    return std::clamp(std::sqrt(Median(std::move(r2)) / kMediansOfChi2[2] / std::max(0.2, share)), kLeastNoisePx, 5.0);
   }
 
   std::string WhyNotPlaced(int i) const {

@@ -3,8 +3,10 @@
 
 #include <cmath>
 
+#include "app/pipeline/calibrate_hand_eye.h"
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/tag_views.h"
+#include "localize/files/tables.h"
 #include "survey/tags/hand_eye_sights.h"
 
 namespace trigpoint {
@@ -45,16 +47,16 @@ TEST(CameraClock, HandEyeTakesTheBodyWhereTheImageWasTaken) {
 
 // What the clocks of odometry and GPS are held against.
 TEST(CameraClock, PosesOfTheFirstCameraAreOnTheBodysClock) {
-  LocalizeJob job;
-  job.input.cameras = ShiftedRun().cameras;
+  LocalizeInput input;
+  input.cameras = ShiftedRun().cameras;
   Localization result;
   for (int k = 0; k < 3; ++k) {
     const int64_t stamp = 1'000'000'000LL * k, moment = stamp + std::llround(1e9 * kShift_s);
-    job.input.images.push_back({stamp, std::to_string(k) + ".jpg", 0, k});
-    job.input.pose_stamps.push_back(moment);
+    input.images.push_back({stamp, std::to_string(k) + ".jpg", 0, k});
+    input.pose_stamps.push_back(moment);
     result.body_from_odom.push_back(BodyAt(1e-9 * static_cast<double>(moment)).Inverse());
   }
-  const Trajectory trajectory = FirstCameraTrajectory(job, result);
+  const Trajectory trajectory = FirstCameraTrajectory(input, result);
   ASSERT_EQ(trajectory.poses.size(), 3U);
   for (const TimedPose& pose : trajectory.poses) {
     const Rigid3d truth = BodyAt(1e-9 * static_cast<double>(pose.stamp_ns));

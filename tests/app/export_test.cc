@@ -6,12 +6,12 @@
 
 #include <cmath>
 
-#include "app/pipeline/set_localization.h"
-#include "app/pipeline/site_files.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/trajectory.h"
 #include "datasets/solution/solution_file.h"
+#include "localize/files/tables.h"
+#include "localize/site/tables.h"
 #include "tests/datasets/project_folder.h"
 #include "tests/datasets/sample_solution.h"
 

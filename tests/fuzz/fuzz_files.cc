@@ -6,11 +6,11 @@
 #include "datasets/calibration/target_file.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/gopro_gps.h"
+#include "datasets/io/rig_file.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/tag_layout.h"
 #include "datasets/solution/solution_file.h"
 #include "localize/references/retrieval.h"
-#include "survey/panorama/rig_files.h"
 #include "survey/tags/tag_files.h"
 #include "tests/fuzz/fuzz_input.h"
 

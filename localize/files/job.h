@@ -1,24 +1,18 @@
-// From a site's files to the localization's input, and from its result to the files of docs/file_formats.md.
+// From a site's files to the localization's input.
 #pragma once
 
-#include <Eigen/Core>
 #include <filesystem>
 #include <map>
-#include <memory>
 #include <string>
 #include <vector>
 
-#include "datasets/io/csv.h"
-#include "localize/localize.h"
-#include "localize/reconstruct/feature_store.h"
+#include "datasets/io/views.h"
+#include "localize/georegistration/world_fit.h"
+#include "localize/reconstruct/frames.h"
+#include "localize/reconstruct/kept_features.h"
+#include "localize/references/stitched_sets.h"
 
 namespace trigpoint {
-
-// What stitching knows of a photo set's rig beyond its views.
-struct StitchedShape {
-  Eigen::MatrixXd covariance;  // of all views' [turn (rad), centre (m)] if the rig's size were known
-  double log_scale_sigma = 0;  // 1 sigma of ln(size)
-};
 
 // Input of one run with its GPS; holds the feature stores open.
 struct LocalizeJob {
@@ -41,19 +35,5 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
                             const std::filesystem::path& run_features,
                             const std::vector<std::filesystem::path>& reference_results, const ViewOptions& views,
                             const std::map<std::string, std::filesystem::path>& rigs = {});
-
-// odom_from_cam of the run's first camera, on the body's clock: that of odometry and GPS.
-Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result);
-
-// cameras.tum, cameras.csv in the world, where the run is georeferenced; cameras_odom.tum where its poses in its own
-// frame are given.
-void WriteCameras(const LocalizeInput& input, const Localization& result, const std::filesystem::path& dir);
-// Cells of these tables: x to qw with the sigmas of the position; latitude, longitude, height, heading, pitch, roll.
-void PutWorldPose(CsvWriter& csv, const PoseEstimate& e);
-void PutGeodeticPose(CsvWriter& csv, const LocalFrame& frame, const Rigid3d& world_from_x);
-
-// cameras.tum, cameras_odom.tum, cameras.csv, panoramas.csv, views.csv, matches.csv.
-void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
-                       const std::filesystem::path& dir);
 
 }  // namespace trigpoint

@@ -1,4 +1,4 @@
-#include "survey/panorama/refine_rig.h"
+#include "localize/references/refine_rig.h"
 
 #include <ceres/ceres.h>
 
@@ -166,7 +166,7 @@ Place PlaceOf(const KnownPoint& p) { return {p.point.x(), p.point.y(), p.point.z
 // Free centres hold the size in themselves.
 bool HasScale(RigFreedom freedom) { return freedom == RigFreedom::kScaled || freedom == RigFreedom::kPrior; }
 
-struct Solution {
+struct RigSolution {
   RefinedRig rig;
   std::vector<std::array<double, 6>> deltas;
   double log_scale = 0;
@@ -176,7 +176,7 @@ struct Solution {
 
 // Points are eliminated first. Within a group Ceres goes by addresses in memory, which must not differ from run to run:
 // the points lie in one row, all else has groups of its own.
-ceres::ParameterBlockOrdering* EliminationOrder(const ceres::Problem& problem, double* pose, Solution* solution) {
+ceres::ParameterBlockOrdering* EliminationOrder(const ceres::Problem& problem, double* pose, RigSolution* solution) {
   auto* order = new ceres::ParameterBlockOrdering;
   for (Place& point : solution->points) order->AddElementToGroup(point.data(), 0);
   int group = 1;
@@ -190,7 +190,7 @@ ceres::ParameterBlockOrdering* EliminationOrder(const ceres::Problem& problem, d
 
 // Photos and scale: priors of those that are free, the others are held.
 void AddPriors(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& shape, ceres::Problem* problem,
-               Solution* solution) {
+               RigSolution* solution) {
   std::vector<double*> blocks;
   for (auto& d : solution->deltas) blocks.push_back(d.data());
   if (freedom == RigFreedom::kPrior || freedom == RigFreedom::kFree) {
@@ -215,7 +215,7 @@ void AddPriors(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
 // The mean of the photos' centres, to which the origin goes, by all unknowns. What moves all centres alike is known
 // badly, as the rig's pose takes it in; it leaves both with the origin.
 Eigen::MatrixXd OriginJacobian(const RefineRigInput& input, RigFreedom freedom, Eigen::Index unknowns,
-                               const Solution& solution) {
+                               const RigSolution& solution) {
   Eigen::MatrixXd j = Eigen::MatrixXd::Zero(3, unknowns);
   const auto n = static_cast<Eigen::Index>(input.rig.views.size());
   for (Eigen::Index v = 0; v < n; ++v) {
@@ -230,7 +230,7 @@ Eigen::MatrixXd OriginJacobian(const RefineRigInput& input, RigFreedom freedom, 
 
 // `covariance`: of the rig's pose, ln s where it is free, and all photos' w, e; of a fixed rig that of its pose alone.
 void SetCovariances(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& covariance,
-                    Solution* solution) {
+                    RigSolution* solution) {
   RefinedRig& rig = solution->rig;
   if (covariance.size() == 0) {
     rig.covariance = Matrix6d::Identity() * 1e6;
@@ -278,7 +278,7 @@ Eigen::MatrixXd WithHeldPhotos(const Eigen::MatrixXd& all_free, const Eigen::Mat
 // At the minimum. Empty if the points do not determine the pose.
 Eigen::MatrixXd CovarianceOf(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
                              const std::vector<double*>& points, double* pose, ceres::Problem* problem,
-                             Solution* solution) {
+                             RigSolution* solution) {
   std::vector<double*> photos, kept = {pose};
   for (auto& d : solution->deltas) photos.push_back(d.data());
   if (freedom == RigFreedom::kScaled) {
@@ -292,9 +292,9 @@ Eigen::MatrixXd CovarianceOf(const RefineRigInput& input, RigFreedom freedom, co
   return held ? WithHeldPhotos(covariance, ShapeCovariance(input, freedom)) : covariance;
 }
 
-Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
-               const std::vector<KnownPoint>& points, bool with_covariance) {
-  Solution out;
+RigSolution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::MatrixXd& prior,
+                  const std::vector<KnownPoint>& points, bool with_covariance) {
+  RigSolution out;
   std::array<double, 7> pose{};
   Rigid3ToBlock(input.rig_from_world, pose.data());
   out.deltas.assign(input.rig.views.size(), {0, 0, 0, 0, 0, 0});
@@ -341,7 +341,7 @@ Solution Solve(const RefineRigInput& input, RigFreedom freedom, const Eigen::Mat
 }
 
 // Of a point where the solution has it; of one that took no part, where it is known to be.
-double ErrorPx(const RefineRigInput& input, const Solution& s, const KnownPoint& p) {
+double ErrorPx(const RefineRigInput& input, const RigSolution& s, const KnownPoint& p) {
   const View& view = input.rig.views[static_cast<size_t>(p.view)];
   const auto& d = s.deltas[static_cast<size_t>(p.view)];
   const Eigen::Quaterniond cam_from_rig =
@@ -370,7 +370,7 @@ std::vector<double> HoldOutErrors(const RefineRigInput& input, RigFreedom freedo
       if (!held(p)) used.push_back(p);
     }
     if (used.size() < 6) continue;
-    const Solution s = Solve(input, freedom, prior, used, false);
+    const RigSolution s = Solve(input, freedom, prior, used, false);
     for (size_t i = 0; i < input.points.size(); ++i) {
       if (held(input.points[i])) errors[i] = ErrorPx(input, s, input.points[i]);
     }
@@ -412,7 +412,7 @@ std::string RigFreedomName(RigFreedom freedom) {
 
 RefinedRig RefineRig(const RefineRigInput& input, RigFreedom freedom) {
   if (input.points.size() < 6) throw NumericError("a rig needs at least 6 known points to be refined");
-  Solution s = Solve(input, freedom, ShapePrior(input, freedom), input.points, true);
+  RigSolution s = Solve(input, freedom, ShapePrior(input, freedom), input.points, true);
   RefinedRig out = s.rig;
   double sum = 0;
   for (const KnownPoint& p : input.points) {
@@ -441,7 +441,7 @@ Eigen::MatrixXd StitchedViewCovariance(const RefineRigInput& input) {
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(7 + shape.rows(), 7 + shape.cols());
   covariance(6, 6) = input.log_scale_sigma * input.log_scale_sigma;
   covariance.bottomRightCorner(shape.rows(), shape.cols()) = shape;
-  Solution as_stitched;
+  RigSolution as_stitched;
   as_stitched.deltas.resize(input.rig.views.size());
   SetCovariances(input, RigFreedom::kPrior, covariance, &as_stitched);
   return as_stitched.rig.view_covariance;

@@ -1,40 +1,19 @@
-#include "app/pipeline/localize_files.h"
+#include "localize/files/tables.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 
 #include "calib/base/error.h"
-#include "datasets/io/camchain.h"
-#include "datasets/io/credits.h"
-#include "datasets/io/csv.h"
-#include "datasets/io/exif.h"
-#include "datasets/io/image.h"
-#include "datasets/io/motion_rates.h"
-#include "datasets/io/source_quality.h"
-#include "localize/reconstruct/rolling_shutter.h"
-#include "localize/references/view_index.h"
-#include "survey/panorama/refine_rig.h"
-#include "survey/panorama/rig_files.h"
+#include "calib/geo/geodetic.h"
+#include "datasets/colmap/model.h"
+#include "datasets/io/trajectory.h"
+#include "datasets/solution/covariance_tables.h"
+#include "datasets/solution/solution_file.h"
+#include "datasets/solution/solution_model.h"
 
 namespace trigpoint {
 namespace {
-
-// Odometry is interpolated across gaps up to a second, or three of its own steps.
-int64_t LongestGap(const Trajectory& odometry) {
-  std::vector<int64_t> steps;
-  for (size_t i = 1; i < odometry.poses.size(); ++i) {
-    steps.push_back(odometry.poses[i].stamp_ns - odometry.poses[i - 1].stamp_ns);
-  }
-  if (steps.empty()) return 0;
-  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
-  return std::max<int64_t>(1'000'000'000, 3 * steps[steps.size() / 2]);
-}
-
-void PutPose(CsvWriter& csv, const Rigid3d& target_from_x) {
-  for (int k = 0; k < 3; ++k) csv.Number(target_from_x.translation(k), 6);
-  const Eigen::Quaterniond& q = target_from_x.rotation;
-  csv.Number(q.x(), 9).Number(q.y(), 9).Number(q.z(), 9).Number(q.w(), 9);
-}
 
 void PutGeodetic(CsvWriter& csv, const LocalFrame& frame, const Eigen::Vector3d& enu) {
   const Geodetic g = frame.GeodeticFromEnu(enu);
@@ -72,6 +51,12 @@ Rigid3d CamFromOdom(const LocalizeInput& input, const Localization& result, cons
 
 }  // namespace
 
+void PutPose(CsvWriter& csv, const Rigid3d& target_from_x) {
+  for (int k = 0; k < 3; ++k) csv.Number(target_from_x.translation(k), 6);
+  const Eigen::Quaterniond& q = target_from_x.rotation;
+  csv.Number(q.x(), 9).Number(q.y(), 9).Number(q.z(), 9).Number(q.w(), 9);
+}
+
 void PutWorldPose(CsvWriter& csv, const PoseEstimate& e) {
   PutPose(csv, e.world_from_x);
   for (double s : PositionSigmas(e)) csv.Number(s, 5);
@@ -82,7 +67,10 @@ void PutGeodeticPose(CsvWriter& csv, const LocalFrame& frame, const Rigid3d& wor
   PutAttitude(csv, world_from_x.rotation);
 }
 
-void WriteCameras(const LocalizeInput& input, const Localization& result, const std::filesystem::path& dir) {
+namespace {
+
+// cameras.tum, cameras_odom.tum.
+void WriteCameraTrajectories(const LocalizeInput& input, const Localization& result, const std::filesystem::path& dir) {
   const bool in_odom = !result.body_from_odom.empty();
   for (size_t c = 0; c < input.cameras.size(); ++c) {
     if (input.cameras[c].IsFurtherView()) continue;  // its 360 image reports the pose
@@ -106,6 +94,12 @@ void WriteCameras(const LocalizeInput& input, const Localization& result, const 
                 "timestamp tx ty tz qx qy qz qw"});
     }
   }
+}
+
+}  // namespace
+
+void WriteCameras(const LocalizeInput& input, const Localization& result, const std::filesystem::path& dir) {
+  WriteCameraTrajectories(input, result, dir);
   if (!result.on_earth) return;
   CsvWriter csv({"timestamp",
                  "image",
@@ -367,227 +361,14 @@ void WriteMatches(const Site& site, const LocalizeJob& job, const Localization& 
   csv.Save(dir / "matches.csv");
 }
 
-// Photo sets that are stitched become one reference each, with the photos as views; they leave `prepared`.
-void AddStitchedSets(const Site& site, const std::map<std::string, std::filesystem::path>& rigs,
-                     const FeatureStore& store, std::vector<PreparedReference>* prepared,
-                     std::vector<std::vector<std::string>>* names_of, LocalizeJob* job) {
-  for (size_t k = 0; k < site.references.size(); ++k) {
-    const Reference& reference = site.references[k];
-    const auto found = rigs.find(reference.name);
-    if (reference.kind != ReferenceKind::kPhotoSet || found == rigs.end()) continue;
-    if (!std::filesystem::exists(found->second / "rig.csv")) continue;
-    RigFile file;
-    try {
-      file = ReadRigFiles(found->second);
-    } catch (const InputError& e) {
-      job->warnings.push_back(std::string(e.what()) + "; the photos of " + reference.name + " are used one by one");
-      continue;
-    }
-    ReferenceViews r;
-    r.name = r.rig.name = reference.name;
-    r.station = reference.station;
-    r.kind = reference.kind;
-    r.geotag = reference.geotag;
-    r.stitched = true;
-    ViewRig stitched;
-    stitched.name = reference.name;
-    std::vector<std::string> names;
-    bool complete = true;
-    for (const View& view : file.rig.views) {
-      const auto photo = std::find_if(prepared->begin(), prepared->end(), [&](const PreparedReference& p) {
-        return p.reference == static_cast<int>(k) && std::filesystem::path(p.name).filename() == view.name;
-      });
-      complete = complete && photo != prepared->end() && store.Has(photo->name + "#" + photo->rig.views.front().name);
-      if (!complete) break;
-      names.push_back(photo->name + "#" + photo->rig.views.front().name);
-      stitched.views.push_back(view);
-      r.rig.views.push_back(view);
-      r.rig.views.back().camera = MatchedCamera(site, view.camera);
-    }
-    if (!complete) {
-      job->warnings.push_back("the rig of " + reference.name +
-                              " names photos without features; its photos are used one by one");
-      continue;
-    }
-    std::erase_if(*prepared, [&](const PreparedReference& p) { return p.reference == static_cast<int>(k); });
-    RefineRigInput as_stitched;
-    as_stitched.rig = stitched;
-    as_stitched.shape_covariance = file.shape_covariance;
-    as_stitched.log_scale_sigma = file.radius_log_sigma;
-    r.errors.poses = StitchedViewCovariance(as_stitched);
-    job->shapes[static_cast<int>(job->references.size())] = {file.shape_covariance, file.radius_log_sigma};
-    job->references.push_back({static_cast<int>(k), reference.name, std::move(stitched)});
-    names_of->push_back(std::move(names));
-    job->input.references.push_back(std::move(r));
-  }
-}
-
-// 1 sigma of a photo's focal length, a share of it: that of EXIF where nobody calibrated its camera.
-double FocalShare(const Site& site, const Reference& reference, const PreparedReference& prepared) {
-  if (reference.kind == ReferenceKind::kPhotoSet) return kExifFocalSigma;
-  if (reference.kind == ReferenceKind::kPanorama) return 0;
-  const std::optional<Camera> exif = CameraFromMetadata(ReadPhotoMetadata(site.dir / prepared.name));
-  const Camera& camera = prepared.rig.views.front().camera;
-  return exif && exif->model() == camera.model() && exif->params() == camera.params() ? kExifFocalSigma : 0;
-}
-
 }  // namespace
 
-LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features) {
-  LocalizeJob job;
-  LocalizeInput& input = job.input;
-  input.cameras = run.cameras;
-  input.levelled = run.config.odometry_levelled;
-  input.scale_sigma = run.config.odometry_scale_sigma;
-  input.has_odometry = !run.odometry.poses.empty();
-  const int64_t gap = input.has_odometry ? LongestGap(run.odometry) : 0;
-  const auto store = std::make_shared<FeatureStore>(run_features);
-  std::map<int64_t, int> pose_of;
-  std::vector<ImageEntry> entries;
-  // Sorted by the moments they show: cameras with clocks of their own may list them in another order.
-  std::vector<std::pair<int64_t, const ImageEntry*>> by_moment;
-  for (const ImageEntry& entry : run.images) {
-    by_moment.emplace_back(BodyStamp(entry.stamp_ns, run.cameras[static_cast<size_t>(entry.camera)]), &entry);
-  }
-  std::stable_sort(by_moment.begin(), by_moment.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  for (const auto& [stamp, its] : by_moment) {
-    const ImageEntry& entry = *its;
-    if (!store->Has(entry.file)) {
-      ++job.without_features;
-      continue;
-    }
-    const std::optional<Rigid3d> odom_from_body = input.has_odometry ? run.odometry.At(stamp, gap) : Rigid3d();
-    if (!odom_from_body) {
-      ++job.without_odometry;
-      continue;
-    }
-    const auto [it, fresh] = pose_of.try_emplace(stamp, static_cast<int>(input.pose_stamps.size()));
-    if (fresh) {
-      input.pose_stamps.push_back(stamp);
-      input.odom_from_body.push_back(*odom_from_body);
-    }
-    input.images.push_back({entry.stamp_ns, entry.file, entry.camera, it->second});
-    entries.push_back(entry);
-  }
-  if (job.without_odometry > 0) {
-    job.warnings.push_back("run " + run.name + ": " + std::to_string(job.without_odometry) +
-                           " images are not covered by odometry and are left out");
-  }
-  if (input.pose_stamps.size() < 2 && !input.has_odometry) {
-    throw InputError("run " + run.name + ": fewer than 2 images have features (" +
-                     std::to_string(job.without_features) + " of " + std::to_string(run.images.size()) +
-                     " have none; the features stage names those that cannot be read or have another size than the "
-                     "camera's)");
-  }
-  if (input.pose_stamps.size() < 2) {
-    throw InputError("run " + run.name + ": fewer than 2 images have features and odometry at their time (" +
-                     std::to_string(job.without_odometry) + " of " + std::to_string(run.images.size()) +
-                     " lie outside odometry's time; check odometry.time_offset_s in run.yaml)");
-  }
-  input.body_rates = RatesAt(run.odometry, input.pose_stamps);
-  input.image_features = [store, images = input.images, cameras = input.cameras, rates = input.body_rates](int i) {
-    const FrameImage& image = images[static_cast<size_t>(i)];
-    const BodyCamera& camera = cameras[static_cast<size_t>(image.camera)];
-    return AtImageTime(store->Read(image.name), camera, rates[static_cast<size_t>(image.pose)]);
-  };
-  input.image_picture = [run = std::make_shared<const Run>(run), entries = std::move(entries)](int i) {
-    try {
-      return LoadGrey(*run, entries[static_cast<size_t>(i)]);
-    } catch (const InputError&) {
-      return cv::Mat();  // the features stage has read it; it has gone or changed since
-    }
-  };
-  return job;
-}
-
-LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, const LocalFrame& frame,
-                            const std::filesystem::path& run_features,
-                            const std::vector<std::filesystem::path>& reference_results, const ViewOptions& views,
-                            const std::map<std::string, std::filesystem::path>& rigs) {
-  LocalizeJob job = MakeRunJob(run, run_features);
-  job.warnings.clear();  // of the run: `reconstruct` warns
-  LocalizeInput& input = job.input;
-  input.has_frame = has_frame;
-  input.frame = frame;
-  std::vector<std::filesystem::path> databases;
-  for (const std::filesystem::path& result : reference_results) databases.push_back(result / kFeaturesFile);
-  const auto reference_store = std::make_shared<FeatureStore>(databases);
-  std::vector<PreparedReference> prepared = PrepareReferences(site, views, &job.warnings);
-  std::vector<std::vector<std::string>> names_of;  // of each reference's views in the store
-  AddStitchedSets(site, rigs, *reference_store, &prepared, &names_of, &job);
-  const std::map<std::string, PictureCredit> credits = ReadCredits(site.dir);
-  for (PreparedReference& p : prepared) {
-    if (!reference_store->Has(p.name + "#" + p.rig.views.front().name)) continue;
-    const Reference& reference = site.references[static_cast<size_t>(p.reference)];
-    const bool lone_photo = reference.kind == ReferenceKind::kPhotoSet && !reference.camera;
-    if (lone_photo && !CameraFromMetadata(ReadPhotoMetadata(site.dir / p.name))) {
-      job.warnings.push_back(p.name +
-                             ": its focal length is unknown; `trigpoint stitch` estimates it from the whole set");
-      continue;
-    }
-    names_of.emplace_back();
-    for (const View& v : p.rig.views) names_of.back().push_back(p.name + "#" + v.name);
-    ReferenceViews r;
-    r.name = p.name;
-    r.station = reference.station;
-    r.kind = reference.kind;
-    r.rig = p.rig;
-    if (reference.kind != ReferenceKind::kPanorama) {
-      for (View& view : r.rig.views) view.camera = MatchedCamera(site, view.camera);
-    }
-    r.geotag = reference.geotag;
-    if (const auto credit = credits.find(reference.name); credit != credits.end()) {
-      if (QualityOfSource(credit->second.source) != nullptr) r.source = credit->second.source;
-    }
-    if (reference.kind == ReferenceKind::kPhotoSet) r.set = p.reference;
-    r.errors.focal_share = FocalShare(site, reference, p);
-    input.references.push_back(std::move(r));
-    job.references.push_back(std::move(p));
-  }
-  // In the pixels of the camera they are matched with.
-  std::vector<std::vector<std::pair<Camera, Camera>>> sizes;
-  for (size_t i = 0; i < job.references.size(); ++i) {
-    sizes.emplace_back();
-    for (size_t v = 0; v < job.references[i].rig.views.size(); ++v) {
-      sizes.back().emplace_back(job.references[i].rig.views[v].camera, input.references[i].rig.views[v].camera);
-    }
-  }
-  input.view_features = [reference_store, names_of, sizes](int reference, int view) {
-    const auto r = static_cast<size_t>(reference), v = static_cast<size_t>(view);
-    return ResizedFeatures(reference_store->Read(names_of[r][v]), sizes[r][v].first, sizes[r][v].second);
-  };
-  input.view_index = [reference_results, names_of] { return MapViewIndex(reference_results, names_of); };
-
-  if (has_frame) {
-    const int64_t gap = input.has_odometry ? LongestGap(run.odometry) : 0;
-    for (const GpsFix& fix : run.gps) {
-      const auto it = std::lower_bound(input.pose_stamps.begin(), input.pose_stamps.end(), fix.stamp_ns);
-      size_t at = static_cast<size_t>(it - input.pose_stamps.begin());
-      if (at == input.pose_stamps.size() ||
-          (at > 0 && fix.stamp_ns - input.pose_stamps[at - 1] < input.pose_stamps[at] - fix.stamp_ns))
-        --at;
-      if (std::llabs(input.pose_stamps[at] - fix.stamp_ns) > 300'000'000) continue;
-      GpsPlace g;
-      g.pose = static_cast<int>(at);
-      g.arm_m = run.config.gps_lever_arm_m;
-      // The pose is that of an image: the run has moved between its time and the fix's.
-      if (const auto then = input.has_odometry ? run.odometry.At(fix.stamp_ns, gap) : std::nullopt)
-        g.arm_m = input.odom_from_body[at].Inverse() * (*then * g.arm_m);
-      g.position = frame.EnuFromGeodetic(fix.position);
-      g.sigma_h_m = fix.sigma_h_m, g.sigma_v_m = fix.sigma_v_m;
-      g.stamp_ns = fix.stamp_ns;
-      job.gps.push_back(g);
-    }
-  }
-  return job;
-}
-
-Trajectory FirstCameraTrajectory(const LocalizeJob& job, const Localization& result) {
+Trajectory FirstCameraTrajectory(const LocalizeInput& input, const Localization& result) {
   Trajectory trajectory;
-  for (const FrameImage& image : job.input.images) {
+  for (const FrameImage& image : input.images) {
     if (image.camera != 0) continue;
     trajectory.poses.push_back(
-        {job.input.pose_stamps[static_cast<size_t>(image.pose)], CamFromOdom(job.input, result, image).Inverse()});
+        {input.pose_stamps[static_cast<size_t>(image.pose)], CamFromOdom(input, result, image).Inverse()});
   }
   return trajectory;
 }
@@ -598,6 +379,42 @@ void WriteLocalization(const Site& site, const LocalizeJob& job, const Localizat
   WritePanoramas(site, job, result, dir);
   WriteViews(site, job, result, dir);
   WriteMatches(site, job, result, dir);
+}
+
+void WriteRigs(const std::vector<SetRefinement>& sets, const Localization& result, const std::filesystem::path& dir) {
+  if (sets.empty()) return;
+  CsvWriter csv(
+      {"panorama",   "photo",      "freedom",    "tx", "ty", "tz", "qx",       "qy",       "qz",       "qw",
+       "sigma_tx_m", "sigma_ty_m", "sigma_tz_m", "x",  "y",  "z",  "world_qx", "world_qy", "world_qz", "world_qw"},
+      {"trigpoint rigs 1; tx..qw: rig_from_cam, origin=mean of the photos' centres, metres by the run's points; "
+       "x..world_qw: world_from_cam, site ENU, empty if not known or the set is rejected; sigma=1, relative to the "
+       "origin"});
+  for (const SetRefinement& set : sets) {
+    const Registration& g = result.references[static_cast<size_t>(set.reference)].registration;
+    for (const View& view : set.rig.rig.views) {
+      csv.Text(set.name).Text(view.name).Text(RigFreedomName(set.freedom));
+      PutPose(csv, view.rig_from_view);
+      for (int k = 3; k < 6; ++k) csv.Number(std::sqrt(std::max(0.0, view.covariance(k, k))), 5);
+      if (result.on_earth && g.status == AnswerStatus::kLocalized) {
+        PutPose(csv, result.geo.world_from_odom.TransformPose(g.rig_from_odom.Inverse() * view.rig_from_view));
+      } else {
+        csv.Empty(7);
+      }
+      csv.EndRow();
+    }
+  }
+  csv.Save(dir / "rigs.csv");
+}
+
+void WriteLocalizedSolution(const Site& site, const LocalizeJob& job, Solution* solution,
+                            const std::filesystem::path& dir) {
+  for (size_t i = 0; i < job.references.size(); ++i) {
+    solution->references[i].row = site.references[static_cast<size_t>(job.references[i].reference)].name;
+  }
+  WriteSolution(*solution, dir / kSolutionFile);
+  WriteCameraCovariances(*solution, dir);
+  WritePanoramaCovariances(*solution, dir);
+  WriteColmapModel(ModelOf(*solution).model, dir / "sparse");
 }
 
 }  // namespace trigpoint

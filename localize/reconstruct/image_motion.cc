@@ -1,4 +1,4 @@
-#include "app/pipeline/image_motion.h"
+#include "localize/reconstruct/image_motion.h"
 
 #include <fmt/format.h>
 
@@ -35,7 +35,7 @@ double ReachOf(const std::vector<Eigen::Vector3d>& places) {
   return Median(std::move(distances));
 }
 
-// Which way is up in the pictures of a job's images.
+// Which way is up in the pictures of the input's images.
 std::vector<Eigen::Vector3d> TopsOf(const Run& run, const LocalizeInput& input) {
   std::map<std::string, const ImageEntry*> entries;
   for (const ImageEntry& entry : run.images) entries[entry.file] = &entry;
@@ -54,7 +54,6 @@ struct Fixed {
 };
 
 Fixed FixedPlaces(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& motion) {
-  constexpr int64_t kSameTimeNs = 300'000'000;
   Fixed places;
   if (gps.empty()) return places;
   const LocalFrame frame(gps.front().position);
@@ -62,7 +61,7 @@ Fixed FixedPlaces(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& 
     const auto near = std::min_element(motion.begin(), motion.end(), [&](const TimedPose& a, const TimedPose& b) {
       return std::llabs(a.stamp_ns - fix.stamp_ns) < std::llabs(b.stamp_ns - fix.stamp_ns);
     });
-    if (near == motion.end() || std::llabs(near->stamp_ns - fix.stamp_ns) > kSameTimeNs) continue;
+    if (near == motion.end() || std::llabs(near->stamp_ns - fix.stamp_ns) > kLongestFromFixNs) continue;
     places.found.push_back(near->target_from_body.translation);
     places.said.push_back(frame.EnuFromGeodetic(fix.position));
     places.fixes.push_back(fix);
@@ -185,34 +184,33 @@ std::string LevelByGps(const std::vector<GpsFix>& gps, std::vector<TimedPose>* m
 
 }  // namespace
 
-FoundMotion FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
+FoundMotion FindImageMotion(const Run& run, const LocalizeInput& all, const ReconstructRunOptions& options,
                             const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
                             const CancelToken& cancel) {
   // Cameras that stand apart contradict a motion without a unit.
-  const LocalizeInput input = OnlyImages(job.input, ImagesOfFirstCentre(job.input));
+  const LocalizeInput input = OnlyImages(all, ImagesOfFirstCentre(all));
   ImageMotion found = MotionFromImages(input, options.motion, options.pairs, threads, seed, progress, cancel);
   LevelMotion(input, TopsOf(run, input), &found);
   std::vector<TimedPose> poses;
   for (size_t i = 0; i < found.odom_from_body.size(); ++i) {
-    if (found.odom_from_body[i]) poses.push_back({job.input.pose_stamps[i], *found.odom_from_body[i]});
+    if (found.odom_from_body[i]) poses.push_back({all.pose_stamps[i], *found.odom_from_body[i]});
   }
   const std::string level = LevelByGps(run.gps, &poses);
   const std::optional<double> length = LengthByGps(run.gps, poses);
   for (TimedPose& pose : poses) pose.target_from_body.translation *= length.value_or(1);
   const std::string unit = length ? "m, by the run's GPS" : "unknown (the median distance of scene points is 10 units)";
   WriteTum(file, poses, HeaderOf(unit));
-  return {
-      fmt::format("run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} "
-                  "pairs verified){}; its unit of length is ",
-                  run.name, found.placed, job.input.pose_stamps.size(), found.pairs_verified, found.pairs_tried, level),
-      unit};
+  return {fmt::format("run {} has no odometry: the motion of {} of {} poses was found from its images alone ({} of {} "
+                      "pairs verified){}; its unit of length is ",
+                      run.name, found.placed, all.pose_stamps.size(), found.pairs_verified, found.pairs_tried, level),
+          unit};
 }
 
-void WriteMotion(const LocalizeJob& job, const BundleProblem& solved, const std::string& unit, double sigma_share,
+void WriteMotion(const LocalizeInput& input, const BundleProblem& solved, const std::string& unit, double sigma_share,
                  const std::filesystem::path& file) {
   std::vector<TimedPose> poses;
-  for (size_t k = 0; k < job.input.pose_stamps.size(); ++k) {
-    poses.push_back({job.input.pose_stamps[k], solved.poses[k].Inverse()});
+  for (size_t k = 0; k < input.pose_stamps.size(); ++k) {
+    poses.push_back({input.pose_stamps[k], solved.poses[k].Inverse()});
   }
   const std::string sigma =
       sigma_share < kUnknownScaleSigma ? fmt::format("; {}{:.6f}", kScaleSigma, sigma_share) : std::string();

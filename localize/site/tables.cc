@@ -1,16 +1,17 @@
-#include "app/pipeline/site_files.h"
+#include "localize/site/tables.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <map>
 #include <set>
+#include <string>
+#include <vector>
 
-#include "app/pipeline/localize_files.h"
-#include "calib/base/counted.h"
 #include "calib/geo/geodetic.h"
 #include "datasets/solution/covariance_tables.h"
 #include "datasets/solution/solution_covariance.h"
+#include "localize/files/tables.h"
 
 namespace trigpoint {
 namespace {
@@ -30,8 +31,8 @@ void WriteRun(const SiteAdjustment& site, size_t index, const fs::path& dir) {
   Localization result;
   result.on_earth = true;
   result.earth_source = part.georeference->source;
+  input.images = part.images;
   for (const SolutionImage& image : part.images) {
-    input.images.push_back({image.stamp_ns, image.name, image.camera, image.pose});
     result.cameras.push_back({OdomFromCam(part, image), ImageWorldCovariance(part, image)});
   }
   fs::create_directories(dir);
@@ -153,25 +154,6 @@ void WriteSiteTables(const SiteAdjustment& site, const fs::path& dir) {
   WriteTags(site, dir);
   for (size_t i = 0; i < site.solution.runs.size(); ++i) WriteRun(site, i, dir / site.solution.runs[i].name);
   WritePanoramaCovariances(site.solution, dir);
-}
-
-std::string SiteSummary(const nlohmann::json& m, const DisplayUnit& unit) {
-  std::string text = fmt::format(
-      "{} adjusted together, {}; {} of {} panoramas and photos localized, largest sigma {:.3f} {} (1 sigma, worst "
-      "axis); "
-      "datum {}\n",
-      Counted(m.at("runs").get<int64_t>(), "run", "runs"), Counted(m.at("images").get<int64_t>(), "image", "images"),
-      m.at("localized").get<int>(), m.at("references").get<int>(),
-      m.at("largest_panorama_sigma_m").get<double>() / unit.metres, unit.name, m.at("earth_source").get<std::string>());
-  for (const nlohmann::json& run : m.at("of_run")) {
-    text += fmt::format("{}: shares {}, {}, {} with other runs; odometry scale {:.4f} +- {:.4f} (1 sigma)\n",
-                        run.at("run").get<std::string>(),
-                        Counted(run.at("shared_panoramas").get<int64_t>(), "panorama", "panoramas"),
-                        Counted(run.at("shared_tags").get<int64_t>(), "tag", "tags"),
-                        Counted(run.at("shared_points").get<int64_t>(), "point", "points"),
-                        run.at("odometry_scale").get<double>(), run.at("odometry_scale_sigma").get<double>());
-  }
-  return text;
 }
 
 }  // namespace trigpoint

@@ -2,10 +2,8 @@
 #pragma once
 
 #include <filesystem>
-#include <string>
 
 #include "datasets/project/options_json.h"
-#include "eval/text/display_unit.h"
 #include "localize/site/adjust_site.h"
 
 namespace trigpoint {
@@ -13,8 +11,5 @@ namespace trigpoint {
 // runs.csv, panoramas.csv, panoramas_cov.csv, tags.csv; of each run, in a folder of its name, cameras.tum, cameras.csv,
 // cameras_cov.csv. All in the site's ENU.
 void WriteSiteTables(const SiteAdjustment& site, const std::filesystem::path& dir);
-
-// What the command ends with, from the manifest's metrics.
-std::string SiteSummary(const nlohmann::json& metrics, const DisplayUnit& unit);
 
 }  // namespace trigpoint

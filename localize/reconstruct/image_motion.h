@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/localize_files.h"
+#include "calib/base/progress.h"
+#include "datasets/io/site.h"
+#include "localize/reconstruct/frames.h"
 #include "localize/reconstruct/reconstruct_run.h"
 #include "localize/reconstruct/rig_length.h"
 #include "localize/reconstruct/self_calibration.h"
@@ -34,15 +36,15 @@ struct FoundMotion {
   std::string text, unit;
 };
 
-// Writes `file`: the motion of `job`'s images of the first centre (localize/reconstruct/rig_length.h), z up, as long as
-// the run's GPS says, if it has any.
-FoundMotion FindImageMotion(const Run& run, const LocalizeJob& job, const ReconstructRunOptions& options,
+// Writes `file`: the motion of the input's images of the first centre (localize/reconstruct/rig_length.h), z up, as
+// long as the run's GPS says, if it has any.
+FoundMotion FindImageMotion(const Run& run, const LocalizeInput& all, const ReconstructRunOptions& options,
                             const std::filesystem::path& file, int threads, uint64_t seed, ProgressSink& progress,
                             const CancelToken& cancel);
 
-// Writes `file` anew: the motion of the job's body poses as they are solved. `sigma_share`: 1 sigma of its length,
+// Writes `file` anew: the motion of the input's body poses as they are solved. `sigma_share`: 1 sigma of its length,
 // which FollowReconstruction takes over; kUnknownScaleSigma: not known.
-void WriteMotion(const LocalizeJob& job, const BundleProblem& solved, const std::string& unit, double sigma_share,
+void WriteMotion(const LocalizeInput& input, const BundleProblem& solved, const std::string& unit, double sigma_share,
                  const std::filesystem::path& file);
 
 // The cameras with the lenses that the reconstruction in a folder has found, for TakeLenses; none if it has found none.
