@@ -4,13 +4,13 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/calibration/calibrate_files.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "eval/evidence/rolling_tags.h"
 
 namespace trigpoint {
 namespace {

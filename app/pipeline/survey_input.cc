@@ -12,7 +12,6 @@
 #include "app/pipeline/marking.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
-#include "app/pipeline/rolling_tags.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
@@ -21,6 +20,7 @@
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
+#include "eval/evidence/rolling_tags.h"
 #include "survey/tags/control.h"
 #include "survey/tags/tie_points.h"
 

@@ -494,4 +494,32 @@ std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv) {
   return rows;
 }
 
+nlohmann::json EvaluationMetrics(const Evaluation& evaluation, const std::string& variant) {
+  nlohmann::json metrics;
+  nlohmann::json groups = nlohmann::json::array();
+  int best = 0;
+  for (const GroupSummary& group : evaluation.groups) {
+    nlohmann::json entry = {{"variant", group.group.variant},
+                            {"method", group.group.method},
+                            {"reference", group.group.reference},
+                            {"kind", group.group.kind},
+                            {"attempts", group.attempts},
+                            {"answers", group.answers},
+                            {"median_m", nullptr}};
+    if (group.error_3d.median) entry["median_m"] = *group.error_3d.median;
+    // The one number that status and batch show: our own answers against a reference that shares nothing with them,
+    // else against the run's own tags, else the first there is; never the more flattering where there is a better one.
+    const bool independent = group.group.kind == "absolute" && !group.group.shares_evidence;
+    const int rank = independent ? 3 : group.group.reference == "self" ? 2 : 1;
+    if (group.error_3d.median && group.group.variant == variant && group.group.method != "g1" && rank > best) {
+      best = rank;
+      metrics["median_m"] = *group.error_3d.median;
+      metrics["median_against"] = group.group.reference + ", " + group.group.kind;
+    }
+    groups.push_back(std::move(entry));
+  }
+  metrics["groups"] = groups;
+  return metrics;
+}
+
 }  // namespace trigpoint

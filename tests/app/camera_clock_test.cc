@@ -5,7 +5,7 @@
 
 #include "app/pipeline/calibrate_hand_eye.h"
 #include "app/pipeline/localize_files.h"
-#include "app/pipeline/tag_views.h"
+#include "eval/evidence/tag_views.h"
 
 namespace trigpoint {
 namespace {

@@ -12,6 +12,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/trajectory.h"
 #include "datasets/solution/solution_file.h"
+#include "eval/exchange/layers.h"
 #include "tests/datasets/project_folder.h"
 #include "tests/datasets/sample_solution.h"
 

@@ -1,4 +1,4 @@
-#include "app/pipeline/crosscheck_panoramas.h"
+#include "eval/exchange/crosscheck_panoramas.h"
 
 #include <fmt/format.h>
 
