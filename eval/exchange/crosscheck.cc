@@ -14,6 +14,7 @@
 #include "eval/errors/results.h"
 #include "eval/exchange/crosscheck_figures.h"
 #include "eval/exchange/crosscheck_panoramas.h"
+#include "eval/text/number_text.h"
 
 namespace trigpoint {
 namespace {
@@ -213,10 +214,6 @@ Other ReadEstimate(const fs::path& file, const Run& run, const Ours& ours) {
   return other;
 }
 
-std::string Optional(const std::optional<double>& value, int decimals) {
-  return value ? fmt::format("{:.{}f}", *value, decimals) : "";
-}
-
 double Mean(const std::vector<double>& values) {
   double sum = 0;
   for (double v : values) sum += v;
@@ -237,7 +234,7 @@ void WriteDifferences(const std::vector<Other>& others, const fs::path& file) {
           for (int k = 0; k < 3; ++k) differences.Number(d.difference_m[k], 6);
           differences.Number(d.difference_m.norm(), 6);
           std::string(what) == "cameras" ? differences.Number(d.rotation_deg, 5) : differences.Empty();
-          differences.Text(Optional(d.normalised, 4)).EndRow();
+          differences.Text(NumberText(d.normalised, 4)).EndRow();
         }
       }
     }
@@ -291,12 +288,12 @@ void PutComparisons(const Other& other, CsvWriter& csv, std::string* md) {
         csv.Empty(2);
       }
       csv.Number(c.ours_from_theirs.scale, 6);
-      for (const auto& value : {s.normalised_median, s.normalised_p95, s.beyond_99}) csv.Text(Optional(value, 4));
+      for (const auto& value : {s.normalised_median, s.normalised_p95, s.beyond_99}) csv.Text(NumberText(value, 4));
       csv.EndRow();
       *md += fmt::format("| {} | {} | {} | {} | {:.4f} | {:.4f} | {} | {:.5f} | {} | {} | {} |\n", other.system, what,
                          CrossAlignmentName(c.alignment), s.count, s.rmse_m, s.max_m,
                          cameras ? fmt::format("{:.4f}", s.rotation_median_deg) : "", c.ours_from_theirs.scale,
-                         Optional(s.normalised_median, 2), Optional(s.normalised_p95, 2),
+                         NumberText(s.normalised_median, 2), NumberText(s.normalised_p95, 2),
                          s.beyond_99 ? fmt::format("{:.0f} %", 100 * *s.beyond_99) : "");
     }
   }

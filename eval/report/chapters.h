@@ -26,7 +26,7 @@ struct ChapterContext {
   TableCell LengthCell(const std::optional<double>& metres, int decimals = 3) const;
   // "run1", "run1@paper": as the folders of results are called.
   std::string RunName(const std::string& run, const std::string& variant) const {
-    return variant.empty() ? run : run + "@" + variant;
+    return ResultNameOf(run, variant);
   }
 };
 
