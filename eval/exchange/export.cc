@@ -22,6 +22,7 @@
 #include "datasets/project/files.h"
 #include "datasets/project/manifest.h"
 #include "datasets/project/outputs.h"
+#include "datasets/project/stage.h"
 #include "eval/errors/results.h"
 #include "eval/exchange/layers.h"
 #include "eval/exchange/scene.h"
