@@ -146,8 +146,7 @@ class Loader {
 
   // Of a run, or of the whole site with an empty `run`.
   fs::path ResultOf(const std::string& stage, const std::string& run) const {
-    if (options_.release.empty())
-      return project_.ResultDir(stage, ResultNameOf(run, options_.variant));
+    if (options_.release.empty()) return project_.ResultDir(stage, ResultNameOf(run, options_.variant));
     const fs::path release = project_.dir() / "releases" / options_.release;
     return stage == "survey" ? release / "map" : run.empty() ? release / stage : release / stage / run;
   }
