@@ -20,6 +20,7 @@
 #include "datasets/io/exif.h"
 #include "datasets/io/tag_layout.h"
 #include "datasets/io/text.h"
+#include "eval/text/json_values.h"
 
 namespace trigpoint {
 namespace {
@@ -83,15 +84,12 @@ Ending ListEnding(const std::vector<PanoramaRecord>& records, const SearchArea& 
 
 nlohmann::json ListJson(const std::vector<PanoramaRecord>& records) {
   nlohmann::json list = nlohmann::json::array();
-  const auto number = [](const std::optional<double>& value) {
-    return value ? nlohmann::json(*value) : nlohmann::json(nullptr);
-  };
   for (const PanoramaRecord& r : records) {
     list.push_back({{"id", r.id},
                     {"latitude_deg", r.position.latitude_deg},
                     {"longitude_deg", r.position.longitude_deg},
-                    {"heading_deg", number(r.heading_deg)},
-                    {"sigma_h_m", number(r.sigma_h_m)},
+                    {"heading_deg", OrNull(r.heading_deg)},
+                    {"sigma_h_m", OrNull(r.sigma_h_m)},
                     {"captured_at", r.date},
                     {"width_px", r.width_px},
                     {"owner", r.owner},

@@ -4,10 +4,11 @@
 #include <cmath>
 
 #include "app/cli/command.h"
-#include "app/pipeline/inspect.h"
 #include "app/pipeline/marking.h"
+#include "app/pipeline/reference_parts.h"
 #include "datasets/io/kept_input.h"
 #include "datasets/io/text.h"
+#include "eval/inspect/run_inspector.h"
 
 namespace trigpoint {
 namespace {
@@ -57,7 +58,8 @@ int Inspect(const Session& session, const InspectArguments& a) {
   }
   int inliers = 0;
   if (!a.panorama.empty()) {
-    for (const InspectedMatch& match : inspector.Matches(a.image, a.panorama)) {
+    for (const InspectedMatch& match :
+         inspector.Matches(a.image, a.panorama, ReferenceResults(project), ViewOptionsOf(project))) {
       inliers += match.inlier ? 1 : 0;
       matches.push_back({{"image", Pixel(match.image)},
                          {"panorama", Pixel(match.panorama)},

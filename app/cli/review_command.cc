@@ -5,7 +5,9 @@
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/reviewed.h"
 #include "datasets/project/files.h"
+#include "eval/text/json_values.h"
 #include "eval/text/method_name.h"
+#include "eval/text/number_text.h"
 
 namespace trigpoint {
 namespace {
@@ -15,11 +17,7 @@ struct ReviewArguments {
 };
 
 std::string LengthText(const std::optional<double>& metres, const DisplayUnit& unit) {
-  return metres ? fmt::format("{:.4f}", *metres / unit.metres) : "-";
-}
-
-nlohmann::json OrNull(const std::optional<double>& value) {
-  return value ? nlohmann::json(*value) : nlohmann::json(nullptr);
+  return NumberText(metres, 4, "-", unit.metres);
 }
 
 int List(const Session& session, const ReviewArguments& arguments) {

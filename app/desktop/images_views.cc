@@ -192,7 +192,7 @@ void ImagesDesk::ShowMatches() {
       [inspector, file = image().toStdString(), panorama = reference_->currentText().toStdString()] {
         const std::lock_guard guard(inspector->mutex);
         return std::shared_ptr<const std::vector<InspectedMatch>>(
-            std::make_shared<std::vector<InspectedMatch>>(inspector->inspector.Matches(file, panorama)));
+            std::make_shared<std::vector<InspectedMatch>>(inspector->Matches(file, panorama)));
       },
       [this, generation](const Attempted<std::shared_ptr<const std::vector<InspectedMatch>>>& matches) {
         if (generation != match_generation_) return;  // of another image or panorama than is shown

@@ -3,14 +3,20 @@
 
 #include <mutex>
 #include <string>
+#include <vector>
 
-#include "app/pipeline/inspect.h"
+#include "app/pipeline/reference_parts.h"
+#include "eval/inspect/run_inspector.h"
 
 namespace trigpoint {
 
 struct SharedInspector {
-  SharedInspector(const Project& project, const std::string& run, const std::string& variant)
-      : inspector(project, run, variant) {}
+  SharedInspector(const Project& opened, const std::string& run, const std::string& variant)
+      : project(opened), inspector(opened, run, variant) {}
+  std::vector<InspectedMatch> Matches(const std::string& file, const std::string& panorama) {
+    return inspector.Matches(file, panorama, ReferenceResults(project), ViewOptionsOf(project));
+  }
+  const Project project;
   std::mutex mutex;  // one at a time may read
   RunInspector inspector;
 };

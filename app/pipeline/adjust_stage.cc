@@ -13,6 +13,7 @@
 #include "calib/base/counted.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
+#include "eval/evidence/world_evidence.h"
 #include "localize/files/job.h"
 #include "localize/reconstruct/image_motion.h"
 #include "localize/site/adjust_site.h"
@@ -156,7 +157,8 @@ void AdjustProject(const SiteStageOptions& options, const StageTarget& target, S
   for (const std::string& name : names) {
     jobs.push_back(ReadRun(context, name, target));
     SiteRun& run = jobs.back().run;
-    sources.emplace_back(context.project, Localized(name, target), options.world, jobs.back().job, true);
+    const StageTarget localized = Localized(name, target);
+    sources.emplace_back(context.project, localized.run, localized.variant, options.world, jobs.back().job, true);
     for (const std::string& warning : sources.back().warnings()) {
       context.progress.Log(LogLevel::kWarning, name + ": " + warning);
     }
@@ -233,7 +235,7 @@ StageInfo SiteStage() {
         request.inputs.push_back(detections);
         if (fs::exists(project.dir() / "tags.yaml")) request.inputs.push_back(project.dir() / "tags.yaml");
       }
-      AddWorldInputs(project, localized, options.world, &request);
+      AddWorldInputs(project, localized.run, localized.variant, options.world, &request);
       request.values["runs"].push_back(run);
     }
     std::sort(request.inputs.begin(), request.inputs.end());

@@ -1,10 +1,17 @@
 #include "app/pipeline/calibrate_hand_eye.h"
 
+#include <Eigen/Eigenvalues>
+#include <fmt/format.h>
 #include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
+#include "datasets/calibration/calibrate_files.h"
 #include "datasets/calibration/hand_eye_files.h"
+#include "datasets/io/camchain.h"
+#include "datasets/io/text.h"
+#include "datasets/project/files.h"
+#include "eval/evidence/rolling_tags.h"
 #include "survey/tags/hand_eye_sights.h"
 #include "survey/tags/tag_files.h"
 

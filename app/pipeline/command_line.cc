@@ -48,14 +48,6 @@ std::vector<Job> AskedJobs(const Project& project, const JobQuery& query) {
   return jobs;
 }
 
-std::string ShellWord(const std::string& word) {
-  const std::string plain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./=:@%+,";
-  if (!word.empty() && word.find_first_not_of(plain) == std::string::npos) return word;
-  std::string quoted = "'";
-  for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
-  return quoted + "'";
-}
-
 std::string CommandLine(const std::string& dir, const JobQuery& query, int threads, uint64_t seed) {
   const bool single = query.stages.size() == 1;
   const StageInfo* stage = single ? &StageNamed(query.stages.front()) : nullptr;

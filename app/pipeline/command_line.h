@@ -5,11 +5,9 @@
 #include <vector>
 
 #include "app/pipeline/jobs.h"
+#include "datasets/io/text.h"  // ShellWord
 
 namespace trigpoint {
-
-// A word as a POSIX shell needs it: quoted only where it must be.
-std::string ShellWord(const std::string& word);
 
 // What can be asked for: the stages of a run, then stitch and calibrate, whose results have names of their own (photo
 // sets, calibrations) that stand in place of the runs in a query, and plan.

@@ -7,6 +7,16 @@
 #include "app/pipeline/reference_parts.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/world_evidence.h"
+#include "calib/base/counted.h"
+#include "calib/base/median.h"
+#include "datasets/io/capture_date.h"
+#include "datasets/io/credits.h"
+#include "datasets/io/source_quality.h"
+#include "datasets/io/time_check.h"
+#include "datasets/solution/covariance_tables.h"
+#include "datasets/solution/solution_file.h"
+#include "datasets/solution/solution_model.h"
+#include "eval/evidence/world_evidence.h"
 #include "localize/files/localization_notes.h"
 #include "localize/files/tables.h"
 #include "localize/reconstruct/image_motion.h"
@@ -102,7 +112,7 @@ StageInfo LocalizeStage() {
     std::map<std::string, std::filesystem::path> rigs;
     if (options.mode != "paper") rigs = StitchedRigs(project);
     for (const auto& [set, dir] : rigs) request.inputs.push_back(dir / "manifest.json");
-    AddWorldInputs(project, target, options.world, &request);
+    AddWorldInputs(project, target.run, target.variant, options.world, &request);
     request.body = [=, name = target.run](StageContext& context) {
       Site site = context.project.site();
       Run r = context.project.run(name);
@@ -118,7 +128,7 @@ StageInfo LocalizeStage() {
       for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
       LocalizeOptions how = options;
       if (options.world.Parts().count("gps") > 0) how.geo.use_gps = "always";
-      const WorldSources world(context.project, target, options.world, job);
+      const WorldSources world(context.project, target.run, target.variant, options.world, job);
       std::vector<SetRefinement> sets;
       const auto refine = [&](const Reconstruction& reconstruction, const Retrieval& retrieval,
                               std::vector<ReferenceViews>* placed, std::vector<Registration>* answers) {

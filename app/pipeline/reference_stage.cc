@@ -3,12 +3,12 @@
 
 #include <algorithm>
 
-#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/errors/reference_maps.h"
+#include "eval/evidence/rolling_tags.h"
 #include "eval/trajectory/estimates.h"
 #include "eval/truth/reference_poses.h"
 #include "eval/truth/reference_report.h"

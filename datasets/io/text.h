@@ -26,6 +26,9 @@ std::optional<int64_t> ParseUtcToNs(std::string_view text);
 // The candidate most like `name` (edit distance), or "" if there are none.
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates);
 
+// A word as a POSIX shell needs it: quoted only where it must be.
+std::string ShellWord(const std::string& word);
+
 // "path:line", as every message begins.
 std::string FileLine(const std::filesystem::path& file, int line);
 

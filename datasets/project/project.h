@@ -103,6 +103,11 @@ struct SiteOrigin {
 };
 std::optional<SiteOrigin> FindOrigin(const Site& site);
 
+// A result's name below results/<stage>: RUN or RUN@VARIANT; of a stage with one result for all runs, `run` is empty.
+inline std::string ResultNameOf(const std::string& run, const std::string& variant) {
+  return variant.empty() ? run : run + "@" + variant;
+}
+
 // A variant's or result's name must be usable as part of a file name. Throws OptionError.
 void CheckVariantName(const std::string& variant);
 

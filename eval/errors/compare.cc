@@ -6,7 +6,9 @@
 #include <map>
 #include <tuple>
 
+#include "eval/text/json_values.h"
 #include "eval/text/markdown.h"
+#include "eval/text/number_text.h"
 
 namespace trigpoint {
 namespace {
@@ -39,8 +41,8 @@ nlohmann::json Json(const std::string& method, const ErrorStatistics& s) {
   return {{"method", method},
           {"answers", s.answers},
           {"attempts", s.attempts},
-          {"median_m", s.median ? nlohmann::json(*s.median) : nlohmann::json()},
-          {"p90_m", s.p90 ? nlohmann::json(*s.p90) : nlohmann::json()}};
+          {"median_m", OrNull(s.median)},
+          {"p90_m", OrNull(s.p90)}};
 }
 
 }  // namespace
@@ -104,9 +106,7 @@ std::string FormatComparison(const std::vector<ComparedGroup>& groups, const std
   std::vector<std::vector<std::string>> lines{
       {"errors [" + unit + "]", "who", "method", "answers", "attempts", "median", "P90", "max"}};
   std::string sentences;
-  const auto cell = [&](const std::optional<double>& metres) {
-    return metres ? fmt::format("{:.3f}", *metres / metres_per_unit) : "-";
-  };
+  const auto cell = [&](const std::optional<double>& metres) { return NumberText(metres, 3, "-", metres_per_unit); };
   for (const ComparedGroup& g : groups) {
     const std::string name = fmt::format("{}, {}, {}", g.answer, g.kind, g.reference);
     const auto line = [&](const std::string& who, const std::string& method, const ErrorStatistics& s) {
@@ -122,8 +122,6 @@ std::string FormatComparison(const std::vector<ComparedGroup>& groups, const std
 
 nlohmann::json PairedJson(const ComparedGroup& group) {
   const PairedComparison& p = group.paired;
-  nlohmann::json interval;
-  if (p.difference_interval_m) interval = {p.difference_interval_m->low, p.difference_interval_m->high};
   return {{"answer", group.answer},
           {"reference", group.reference},
           {"kind", group.kind},
@@ -133,8 +131,8 @@ nlohmann::json PairedJson(const ComparedGroup& group) {
           {"b_better", p.b_better},
           {"only_a", p.only_a},
           {"only_b", p.only_b},
-          {"median_difference_m", p.median_difference_m ? nlohmann::json(*p.median_difference_m) : nullptr},
-          {"difference_interval_m", interval},
+          {"median_difference_m", OrNull(p.median_difference_m)},
+          {"difference_interval_m", OrNull(p.difference_interval_m)},
           {"confidence", p.confidence},
           {"sign_p", p.sign_p},
           {"wilcoxon_p", p.wilcoxon_p}};

@@ -11,7 +11,9 @@
 #include "datasets/io/text.h"
 #include "eval/errors/paper_tables.h"
 #include "eval/text/interval_text.h"
+#include "eval/text/json_values.h"
 #include "eval/text/markdown.h"
+#include "eval/text/number_text.h"
 
 namespace trigpoint {
 namespace {
@@ -19,7 +21,7 @@ namespace {
 constexpr int kDecimals = 9;
 
 std::string InUnit(const std::optional<double>& metres, const TableOptions& options, const char* missing = "-") {
-  return metres ? fmt::format("{:.{}f}", *metres / options.unit.metres, options.decimals) : missing;
+  return NumberText(metres, options.decimals, missing, options.unit.metres);
 }
 
 std::string Title(const ErrorGroup& g) {
@@ -78,12 +80,6 @@ std::string Join(const std::vector<std::string>& items) {
   return text;
 }
 
-nlohmann::json Json(const std::optional<double>& value) { return value ? nlohmann::json(*value) : nlohmann::json(); }
-
-nlohmann::json Json(const std::optional<Interval>& value) {
-  return value ? nlohmann::json{value->low, value->high} : nlohmann::json();
-}
-
 nlohmann::json Json(const std::vector<CumulativePoint>& curve) {
   nlohmann::json points = nlohmann::json::array();
   for (const CumulativePoint& p : curve) {
@@ -97,16 +93,16 @@ nlohmann::json Json(const ErrorStatistics& s) {
   return {{"answers", s.answers},
           {"attempts", s.attempts},
           {"over_answers",
-           {{"median_m", Json(s.median)},
-            {"p90_m", Json(s.p90)},
-            {"mean_m", Json(s.mean)},
-            {"rmse_m", Json(s.rmse)},
-            {"max_m", Json(s.max)},
+           {{"median_m", OrNull(s.median)},
+            {"p90_m", OrNull(s.p90)},
+            {"mean_m", OrNull(s.mean)},
+            {"rmse_m", OrNull(s.rmse)},
+            {"max_m", OrNull(s.max)},
             {"within_1m", s.within_1m},
             {"within_1m5", s.within_1m5}}},
           {"over_attempts",
-           {{"median_m", Json(s.median_attempts)},
-            {"p90_m", Json(s.p90_attempts)},
+           {{"median_m", OrNull(s.median_attempts)},
+            {"p90_m", OrNull(s.p90_attempts)},
             {"within_1m", s.within_1m_attempts},
             {"within_1m5", s.within_1m5_attempts}}}};
 }
@@ -273,8 +269,8 @@ nlohmann::json Json(const std::map<std::string, NeesSummary>& groups, double con
 }
 
 nlohmann::json Json(const PercentileIntervals& i) {
-  return {{"over_answers", {{"median_m", Json(i.median)}, {"p90_m", Json(i.p90)}}},
-          {"over_attempts", {{"median_m", Json(i.median_attempts)}, {"p90_m", Json(i.p90_attempts)}}}};
+  return {{"over_answers", {{"median_m", OrNull(i.median)}, {"p90_m", OrNull(i.p90)}}},
+          {"over_attempts", {{"median_m", OrNull(i.median_attempts)}, {"p90_m", OrNull(i.p90_attempts)}}}};
 }
 
 nlohmann::json Json(const EvaluationExtras& extras) {
@@ -410,8 +406,8 @@ nlohmann::json SummaryJson(const Evaluation& evaluation, const EvaluationExtras&
          {"error_3d", Json(g.error_3d)},
          {"error_h", Json(g.error_h)},
          {"error_v", Json(g.error_v)},
-         {"median_interval_m", Json(g.median_interval)},
-         {"p90_interval_m", Json(g.p90_interval)},
+         {"median_interval_m", OrNull(g.median_interval)},
+         {"p90_interval_m", OrNull(g.p90_interval)},
          {"intervals", {{"3d", Json(g.intervals_3d)}, {"h", Json(g.intervals_h)}, {"v", Json(g.intervals_v)}}},
          {"variance_shares", {{"station", g.station_share}, {"run", g.run_share}}},
          {"error_budget_sigma_m", g.budget_m},
@@ -420,12 +416,12 @@ nlohmann::json SummaryJson(const Evaluation& evaluation, const EvaluationExtras&
           {{"limit_m", evaluation.options.trust_depth_sigma_m},
            {"answers", g.coverage_risk.size()},
            {"untrusted", g.untrusted},
-           {"median_trusted_m", Json(g.error_trusted.median)},
-           {"median_untrusted_m", Json(g.error_untrusted.median)}}},
+           {"median_trusted_m", OrNull(g.error_trusted.median)},
+           {"median_untrusted_m", OrNull(g.error_untrusted.median)}}},
          {"nees",
           {{"count", g.nees_count},
-           {"mean_per_dof", Json(g.anees_per_dof)},
-           {"bounds", Json(g.anees_bounds)},
+           {"mean_per_dof", OrNull(g.anees_per_dof)},
+           {"bounds", OrNull(g.anees_bounds)},
            {"horizontal", Json(g.nees_h, confidence)},
            {"vertical", Json(g.nees_v, confidence)},
            {"joint", g.nees_joint ? Json(*g.nees_joint, confidence) : nlohmann::json()},
@@ -492,6 +488,33 @@ std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv) {
     rows.push_back(std::move(row));
   }
   return rows;
+}
+
+nlohmann::json EvaluationMetrics(const Evaluation& evaluation, const std::string& variant) {
+  nlohmann::json metrics;
+  nlohmann::json groups = nlohmann::json::array();
+  int best = 0;
+  for (const GroupSummary& group : evaluation.groups) {
+    nlohmann::json entry = {{"variant", group.group.variant},
+                            {"method", group.group.method},
+                            {"reference", group.group.reference},
+                            {"kind", group.group.kind},
+                            {"attempts", group.attempts},
+                            {"answers", group.answers},
+                            {"median_m", OrNull(group.error_3d.median)}};
+    // The one number that status and batch show: our own answers against a reference that shares nothing with them,
+    // else against the run's own tags, else the first there is; never the more flattering where there is a better one.
+    const bool independent = group.group.kind == "absolute" && !group.group.shares_evidence;
+    const int rank = independent ? 3 : group.group.reference == "self" ? 2 : 1;
+    if (group.error_3d.median && group.group.variant == variant && group.group.method != "g1" && rank > best) {
+      best = rank;
+      metrics["median_m"] = *group.error_3d.median;
+      metrics["median_against"] = group.group.reference + ", " + group.group.kind;
+    }
+    groups.push_back(std::move(entry));
+  }
+  metrics["groups"] = groups;
+  return metrics;
 }
 
 }  // namespace trigpoint

@@ -56,4 +56,7 @@ void WriteEvaluation(const Evaluation& evaluation, const std::filesystem::path& 
 // Reads errors.csv back (for comparisons); of covariances it has the diagonal. Throws InputError naming file and line.
 std::vector<ErrorRow> ReadErrors(const std::filesystem::path& errors_csv);
 
+// For the manifest: median_m of our own answers of a variant, against the best reference there is, and every group.
+nlohmann::json EvaluationMetrics(const Evaluation& evaluation, const std::string& variant);
+
 }  // namespace trigpoint

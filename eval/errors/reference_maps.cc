@@ -1,5 +1,8 @@
 #include "eval/errors/reference_maps.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <set>
 
@@ -192,6 +195,36 @@ void CheckRelease(const fs::path& release) {
     throw InputError(release.string() + ": was changed after it was published: " + differences.changed.front() +
                      kRestore);
   }
+}
+
+std::vector<ReferenceMap> ReferencesFor(const Project& project, const std::string& asked, ProgressSink& progress) {
+  std::vector<ReferenceMap> maps;
+  const auto add = [&](const std::string& name) {
+    const fs::path folder = ReferenceMapFolder(project, name);
+    maps.push_back(ReadReferenceMap(project, folder, name));
+    const std::string missing = MissingCovariances(maps.back(), folder);
+    if (!missing.empty()) progress.Log(LogLevel::kWarning, missing);
+  };
+  if (asked == "self") return maps;
+  if (!asked.empty() && asked != "control") {
+    const std::vector<std::string> names = ReferenceNames(project);
+    if (std::find(names.begin(), names.end(), asked) == names.end()) {
+      throw InputError("there is no reference '" + asked + "'; nearest: '" + NearestName(asked, names) +
+                       "' (there are " + fmt::format("{}", fmt::join(names, ", ")) + ")");
+    }
+    add(asked);
+    return maps;
+  }
+  if (ReferenceMap control = ControlMap(project); !control.tags.empty()) maps.push_back(std::move(control));
+  if (asked == "control" && maps.empty()) throw InputError("there is no reference 'control': no control_points.csv");
+  if (asked.empty() && fs::exists(ReferenceMapFolder(project, "survey") / "tags.csv")) {
+    try {
+      add("survey");
+    } catch (const InputError& e) {
+      progress.Log(LogLevel::kWarning, std::string("the survey cannot be used as reference: ") + e.what());
+    }
+  }
+  return maps;
 }
 
 }  // namespace trigpoint

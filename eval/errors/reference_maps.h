@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/base/progress.h"
 #include "datasets/project/project.h"
 #include "eval/errors/evaluate.h"
 
@@ -35,5 +36,9 @@ std::filesystem::path ReleaseFolder(const Project& project, const std::string& n
 std::vector<std::string> ReleaseNames(const Project& project);
 // Throws InputError naming the first file of a release that is missing or was changed since.
 void CheckRelease(const std::filesystem::path& release);
+
+// The maps to hold results against: the one asked for ("self": none), without a name control points and survey. One
+// that cannot be read is named and left out, unless it was asked for: InputError then.
+std::vector<ReferenceMap> ReferencesFor(const Project& project, const std::string& asked, ProgressSink& progress);
 
 }  // namespace trigpoint

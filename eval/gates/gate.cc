@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "eval/gates/more_data.h"
+#include "eval/text/json_values.h"
 #include "eval/text/markdown.h"
 
 namespace trigpoint {
@@ -113,10 +114,7 @@ std::string FormatGates(const std::vector<GateResult>& results, const std::strin
 }
 
 nlohmann::json GateJson(const GateResult& r) {
-  const auto number = [](const auto& value) { return value ? nlohmann::json(*value) : nlohmann::json(); };
   const GateMeasure& m = r.measure;
-  nlohmann::json interval;
-  if (m.interval) interval = {m.interval->low, m.interval->high};
   return {{"gate", r.limit.Gate()},
           {"stage", r.limit.section},
           {"name", r.limit.name},
@@ -125,16 +123,16 @@ nlohmann::json GateJson(const GateResult& r) {
           {"limit", r.limit.limit},
           {"limit_is", r.limit.upper ? "most" : "least"},
           {"unit", r.limit.unit},
-          {"value", number(m.value)},
+          {"value", OrNull(m.value)},
           {"complete", m.complete},
-          {"interval", interval},
+          {"interval", OrNull(m.interval)},
           {"confidence", m.interval ? nlohmann::json(m.confidence) : nlohmann::json()},
           {"n", m.n},
           {"n_counts", m.counted},
           {"reason", m.reason},
           {"note", m.note},
-          {"more_stations", number(r.more_stations)},
-          {"more_runs", number(r.more_runs)},
+          {"more_stations", OrNull(r.more_stations)},
+          {"more_runs", OrNull(r.more_runs)},
           {"message", r.message}};
 }
 

@@ -7,6 +7,7 @@
 
 #include "eval/gates/intervals.h"
 #include "eval/statistics/distributions.h"
+#include "eval/text/json_values.h"
 #include "eval/text/method_name.h"
 #include "eval/trajectory/estimates.h"
 #include "eval/trajectory/score_estimates.h"
@@ -16,30 +17,8 @@ namespace {
 
 using nlohmann::json;
 
-std::optional<double> NumberAt(const json& value, const char* path) {
-  const json::json_pointer at(path);
-  return value.contains(at) && value.at(at).is_number() ? std::optional<double>(value.at(at)) : std::nullopt;
-}
-
-int CountAt(const json& value, const char* path) { return static_cast<int>(NumberAt(value, path).value_or(0)); }
-
-std::string TextAt(const json& value, const char* key) {
-  return value.is_object() && value.contains(key) && value[key].is_string() ? value[key].get<std::string>() : "";
-}
-
-bool FlagAt(const json& value, const char* key) {
-  return value.is_object() && value.contains(key) && value[key].is_boolean() && value[key].get<bool>();
-}
-
-const json& ListAt(const json& value, const char* key) {
-  static const json kNone = json::array();
-  return value.is_object() && value.contains(key) && value[key].is_array() ? value[key] : kNone;
-}
-
-std::optional<Interval> IntervalAt(const json& value, const char* key) {
-  const json& list = ListAt(value, key);
-  if (list.size() != 2 || !list[0].is_number() || !list[1].is_number()) return std::nullopt;
-  return Interval{list[0], list[1]};
+int CountAt(const json& value, std::initializer_list<const char*> path) {
+  return static_cast<int>(At(value, path).value_or(0));
 }
 
 // A value that needs no inference.
@@ -55,28 +34,28 @@ void AddPercentile(const json& group, const char* name, const char* value, const
                    const GateMeasure& base, std::vector<GateMeasure>* measures) {
   GateMeasure m = base;
   m.gate = std::string("evaluate.") + name;
-  m.value = NumberAt(group, (std::string("/error_3d/over_answers/") + value).c_str());
+  m.value = At(group, {"error_3d", "over_answers", value});
   m.interval = IntervalAt(group, interval);
   m.confidence = confidence;
-  m.n = CountAt(group, "/answers");
+  m.n = CountAt(group, {"answers"});
   m.counted = "answers";
   if (!m.value) m.reason = "no answer with a reference";
   if (m.value && !m.interval) m.reason = "too few answers for an interval";
-  m.design = GateDesign{CountAt(group, "/stations"), CountAt(group, "/runs"), m.n,
-                        NumberAt(group, "/variance_shares/station").value_or(0),
-                        NumberAt(group, "/variance_shares/run").value_or(0)};
+  m.design = GateDesign{CountAt(group, {"stations"}), CountAt(group, {"runs"}), m.n,
+                        At(group, {"variance_shares", "station"}).value_or(0),
+                        At(group, {"variance_shares", "run"}).value_or(0)};
   measures->push_back(std::move(m));
 }
 
 void AddAnswered(const json& group, double confidence, const GateMeasure& base, std::vector<GateMeasure>* measures) {
   GateMeasure m = base;
   m.gate = "evaluate.min_answered";
-  const int attempts = CountAt(group, "/attempts"), stations = CountAt(group, "/stations");
+  const int attempts = CountAt(group, {"attempts"}), stations = CountAt(group, {"stations"});
   m.n = std::min(attempts, stations);
   m.counted = "stations";
   m.reason = m.n > 0 ? "" : "no attempt";
   if (m.n > 0) {
-    m.value = static_cast<double>(CountAt(group, "/answers")) / attempts;
+    m.value = static_cast<double>(CountAt(group, {"answers"})) / attempts;
     // A station that cannot be answered is so in every run: no more independent trials than stations.
     m.interval = ShareInterval(*m.value, m.n, confidence);
     m.confidence = confidence;
@@ -89,10 +68,10 @@ void AddAnswered(const json& group, double confidence, const GateMeasure& base, 
 void AddConsistency(const json& group, double confidence, const GateMeasure& base, std::vector<GateMeasure>* measures) {
   GateMeasure m = base;
   m.gate = "localize.max_nees_per_dof";
-  m.value = NumberAt(group, "/nees/joint/mean_per_dof");
-  m.n = CountAt(group, "/nees/joint/count");
+  m.value = At(group, {"nees", "joint", "mean_per_dof"});
+  m.n = CountAt(group, {"nees", "joint", "count"});
   m.counted = "answers";
-  const double dof = NumberAt(group, "/nees/joint/dof").value_or(0);
+  const double dof = At(group, {"nees", "joint", "dof"}).value_or(0);
   if (m.value && dof >= kLeastForRmse) {
     m.interval = Interval{*m.value * dof / ChiSquareQuantile(0.5 * (1 + confidence), dof),
                           *m.value * dof / ChiSquareQuantile(0.5 * (1 - confidence), dof)};
@@ -121,8 +100,8 @@ Check CheckResiduals(const json& summary) {
 void AddCheck(const json& summary, double confidence, std::vector<GateMeasure>* measures) {
   const Check check = CheckResiduals(summary);
   const int n = static_cast<int>(check.e.size());
-  const double own_h = NumberAt(summary, "/check/check_points_sigma_h_m").value_or(0);
-  const double own_v = NumberAt(summary, "/check/check_points_sigma_v_m").value_or(0);
+  const double own_h = At(summary, {"check", "check_points_sigma_h_m"}).value_or(0);
+  const double own_v = At(summary, {"check", "check_points_sigma_v_m"}).value_or(0);
   const auto add = [&](const char* name, const std::vector<std::vector<double>>& components, double own) {
     GateMeasure m{.gate = std::string("survey.") + name, .n = n, .counted = "check points"};
     const auto rmse = RmseWithInterval(components, confidence);
@@ -156,13 +135,13 @@ void AddResiduals(const json& summary, std::vector<GateMeasure>* measures) {
     of = name;
   };
   for (const json& point : ListAt(summary, "points")) {
-    const auto chi2 = NumberAt(point, "/chi2_3dof");
+    const auto chi2 = At(point, {"chi2_3dof"});
     if (chi2 && TextAt(point, "role") != "geotag") take(std::sqrt(std::max(0.0, *chi2)), TextAt(point, "name"));
   }
   for (const json& d : ListAt(summary, "distances")) {
-    const auto measured = NumberAt(d, "/measured_m"), map = NumberAt(d, "/map_m"), sigma = NumberAt(d, "/sigma_m");
+    const auto measured = At(d, {"measured_m"}), map = At(d, {"map_m"}), sigma = At(d, {"sigma_m"});
     if (!measured || !map || !sigma || !(*sigma > 0)) continue;
-    take(std::abs(*map - *measured) / *sigma, fmt::format("distance {}-{}", CountAt(d, "/from"), CountAt(d, "/to")));
+    take(std::abs(*map - *measured) / *sigma, fmt::format("distance {}-{}", CountAt(d, {"from"}), CountAt(d, {"to"})));
   }
   GateMeasure m = Complete("survey.max_standardised_residual", "", largest, n, "points and distances",
                            "no surveyed point and no distance");
@@ -196,11 +175,11 @@ std::vector<GateMeasure> EvaluationMeasures(const json& summary, const std::stri
   std::vector<GateMeasure> measures;
   const json& groups = ListAt(summary, "groups");
   const auto own = [&](const json& g) { return TextAt(g, "variant") == variant && TextAt(g, "method") != "g1"; };
-  const auto attempted = [](const json& g) { return CountAt(g, "/attempts") > 0; };
+  const auto attempted = [](const json& g) { return CountAt(g, {"attempts"}) > 0; };
   const bool independent = std::any_of(groups.begin(), groups.end(), [&](const json& g) {
     return own(g) && !FlagAt(g, "shares_evidence") && attempted(g);
   });
-  const double its_confidence = NumberAt(summary, "/confidence").value_or(confidence);
+  const double its_confidence = At(summary, {"confidence"}).value_or(confidence);
   for (const json& group : groups) {
     const bool shares = FlagAt(group, "shares_evidence");
     if (!own(group) || !attempted(group) || (independent && shares)) continue;
@@ -222,10 +201,10 @@ std::vector<GateMeasure> SurveyMeasures(const json& summary, const std::vector<T
   AddResiduals(summary, &measures);
   AddTags(tags, &measures);
   GateMeasure m{.gate = "survey.max_repeatability_m"};
-  m.value = NumberAt(summary, "/repeatability/rms_m");
-  m.n = CountAt(summary, "/repeatability/maps");
+  m.value = At(summary, {"repeatability", "rms_m"});
+  m.n = CountAt(summary, {"repeatability", "maps"});
   m.counted = "maps";
-  if (CountAt(summary, "/repeatability/differences") == 0) m.value.reset();
+  if (CountAt(summary, {"repeatability", "differences"}) == 0) m.value.reset();
   if (m.value && m.n >= 2) {
     // Tags of one map share its error, and the maps' differences from the map of all runs sum to zero.
     m.interval = RmsInterval(*m.value, 3.0 * (m.n - 1), confidence);
@@ -278,17 +257,17 @@ std::vector<GateMeasure> EstimateMeasures(const json& estimates, const std::stri
   for (const json& e : ListAt(estimates, "estimates")) {
     const std::string system = TextAt(e, "system"), subject = system + " on " + TextAt(e, "run");
     if (IsOwnSystem(system) && system != OwnSystem(variant)) continue;
-    const int attempts = CountAt(e, "/attempts"), answers = CountAt(e, "/answers");
+    const int attempts = CountAt(e, {"attempts"}), answers = CountAt(e, {"answers"});
     GateMeasure ate{.gate = "estimates.max_ate_m", .subject = subject, .n = answers, .counted = "images"};
-    ate.value = NumberAt(e, "/rmse_m");
+    ate.value = At(e, {"rmse_m"});
     ate.interval = IntervalAt(e, "own_rmse_interval_m");
     ate.confidence = EstimateScoreOptions().confidence;
     if (!ate.value) ate.reason = "no image has both an estimate and a reference";
     if (ate.value && !ate.interval) ate.reason = "too short a time for an interval by blocks";
     measures.push_back(std::move(ate));
     const json& relative = e.contains("rpe") ? e["rpe"] : json();
-    GateMeasure rpe{.gate = "estimates.max_rpe_m", .subject = subject, .value = NumberAt(relative, "/rmse_m")};
-    rpe.n = CountAt(relative, "/pieces");
+    GateMeasure rpe{.gate = "estimates.max_rpe_m", .subject = subject, .value = At(relative, {"rmse_m"})};
+    rpe.n = CountAt(relative, {"pieces"});
     rpe.counted = "pieces of path";
     rpe.interval = IntervalAt(relative, "interval_m");
     rpe.confidence = EstimateScoreOptions().confidence;
@@ -303,13 +282,13 @@ std::vector<GateMeasure> EstimateMeasures(const json& estimates, const std::stri
 }
 
 std::vector<GateMeasure> StitchMeasures(const std::string& set, const json& metrics) {
-  const int placed = CountAt(metrics, "/placed");
+  const int placed = CountAt(metrics, {"placed"});
   const auto full = metrics.is_object() && FlagAt(metrics, "full_turn");
-  std::optional<double> closure = full ? NumberAt(metrics, "/closure_deg") : std::nullopt;
+  std::optional<double> closure = full ? At(metrics, {"closure_deg"}) : std::nullopt;
   if (closure) closure = std::abs(*closure);
-  return {Complete("stitch.max_rms_px", set, NumberAt(metrics, "/rms_px"), placed, "photos", "no residuals"),
+  return {Complete("stitch.max_rms_px", set, At(metrics, {"rms_px"}), placed, "photos", "no residuals"),
           Complete("stitch.max_closure_deg", set, closure, placed, "photos", "the photos make no full turn"),
-          Complete("stitch.min_coverage", set, NumberAt(metrics, "/covered_share"), placed, "photos",
+          Complete("stitch.min_coverage", set, At(metrics, {"covered_share"}), placed, "photos",
                    "no panorama was composed")};
 }
 
@@ -317,13 +296,13 @@ std::vector<GateMeasure> CalibrationMeasures(const std::string& name, const json
   std::vector<GateMeasure> measures;
   for (const json& camera : ListAt(metrics, "cameras")) {
     const std::string its = TextAt(camera, "name"), subject = its.empty() ? name : name + " " + its;
-    const int views = CountAt(camera, "/views_used");
-    measures.push_back(Complete("calibration.max_rms_px", subject, NumberAt(camera, "/rms_px"), views, "views",
+    const int views = CountAt(camera, {"views_used"});
+    measures.push_back(Complete("calibration.max_rms_px", subject, At(camera, {"rms_px"}), views, "views",
                                 "no residuals: it was not calibrated from pictures"));
     std::optional<double> percent;
     const json& parameters = camera.is_object() && camera.contains("parameters") ? camera["parameters"] : json();
     for (const auto& [parameter, value] : parameters.items()) {
-      const auto sigma = NumberAt(camera, ("/sigma/" + parameter).c_str());
+      const auto sigma = At(camera, {"sigma", parameter.c_str()});
       if (!parameter.starts_with("f") || !value.is_number() || value == 0 || !sigma) continue;
       percent = std::max(percent.value_or(0), 100 * *sigma / std::abs(value.get<double>()));
     }

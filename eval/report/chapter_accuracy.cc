@@ -75,9 +75,8 @@ void AddGroupTable(const ChapterContext& c, const std::vector<nlohmann::json>& g
   for (const nlohmann::json& g : groups) {
     const auto number = [&](const char* side, const char* key) { return c.LengthCell(At(g, {"error_3d", side, key})); };
     std::string interval;
-    if (const auto it = g.find("median_interval_m");
-        it != g.end() && it->is_array() && it->size() == 2 && (*it)[0].is_number()) {
-      const double low = (*it)[0].get<double>(), high = (*it)[1].is_number() ? (*it)[1].get<double>() : HUGE_VAL;
+    if (const auto ends = EndsAt(g, "median_interval_m"); ends && ends->low) {
+      const double low = *ends->low, high = ends->high.value_or(HUGE_VAL);
       interval = IsInformative({low, high}) ? c.Length(low) + " to " + c.Length(high) : "too few";
     }
     const std::optional<SigmaTest> sigmas = SigmasOf(g);

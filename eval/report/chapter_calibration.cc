@@ -8,10 +8,6 @@
 namespace trigpoint {
 namespace {
 
-TableCell NumberCell(const std::optional<double>& value, int decimals) {
-  return {value ? fmt::format("{:.{}f}", *value, decimals) : "", value};
-}
-
 // "1234.5 ± 0.3" of a parameter; empty if the camera has none of this name.
 TableCell ParameterCell(const nlohmann::json& camera, const char* name, int decimals) {
   const auto value = At(camera, {"parameters", name}), sigma = At(camera, {"sigma", name});

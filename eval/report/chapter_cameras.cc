@@ -48,29 +48,23 @@ Table ScoreTable(const ChapterContext& c) {
        {"pieces", true},
        {"within 2 sigma (%)", true, "the system states no sigmas"}},
       {}};
-  const auto plain = [](const std::optional<double>& v, int decimals) {
-    return TableCell{v ? fmt::format("{:.{}f}", *v, decimals) : "", v};
-  };
   for (const TrajectoryScore& score : c.data.trajectories) {
     const nlohmann::json& s = score.summary;
-    std::optional<double> low, high;
-    if (const auto it = s.find("own_rmse_interval_m"); it != s.end() && it->is_array() && it->size() == 2) {
-      low = it->at(0).get<double>(), high = it->at(1).get<double>();
-    }
+    const IntervalEnds rmse = EndsAt(s, "own_rmse_interval_m").value_or(IntervalEnds());
     table.rows.push_back({{TextAt(s, "system")},
                           {TextAt(s, "run")},
-                          plain(At(s, {"attempts"}), 0),
-                          plain(At(s, {"answers"}), 0),
+                          NumberCell(At(s, {"attempts"}), 0),
+                          NumberCell(At(s, {"answers"}), 0),
                           c.LengthCell(At(s, {"rmse_m"})),
-                          c.LengthCell(low),
-                          c.LengthCell(high),
+                          c.LengthCell(rmse.low),
+                          c.LengthCell(rmse.high),
                           c.LengthCell(At(s, {"aligned_rmse_m"})),
-                          plain(At(s, {"rmse_rot_deg"}), 3),
+                          NumberCell(At(s, {"rmse_rot_deg"}), 3),
                           c.LengthCell(At(s, {"rpe", "rmse_m"})),
-                          plain(At(s, {"rpe", "rmse_deg"}), 3),
+                          NumberCell(At(s, {"rpe", "rmse_deg"}), 3),
                           c.LengthCell(At(s, {"rpe", "length_m"}), 1),
-                          plain(At(s, {"rpe", "pieces"}), 0),
-                          plain(WithinTwoSigmas(score), 1)});
+                          NumberCell(At(s, {"rpe", "pieces"}), 0),
+                          NumberCell(WithinTwoSigmas(score), 1)});
   }
   return table;
 }

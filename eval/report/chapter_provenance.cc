@@ -33,7 +33,7 @@ void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
     const nlohmann::json& m = s.manifest;
     const auto whole = [&](const char* key, double unit) -> TableCell {
       const auto v = At(m, {key});
-      return v ? TableCell{fmt::format("{:.0f}", *v / unit), *v / unit} : TableCell{};
+      return NumberCell(v ? std::optional<double>(*v / unit) : std::nullopt, 0);
     };
     const std::string end = TextAt(m, "end");  // its Z says what the caption says
     std::string notes = s.reason;
@@ -44,7 +44,6 @@ void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
       }
       if (notes.size() > 400) notes = notes.substr(0, 400) + " ...";
     }
-    const auto wall = At(m, {"wall_seconds"});
     table.rows.push_back({{s.stage + (s.name.empty() || s.name[0] == '@' ? s.name : "/" + s.name)},
                           {s.state,
                            {},
@@ -56,7 +55,7 @@ void AddStates(const ChapterContext& c, std::vector<Block>* blocks) {
                           whole("seed", 1),
                           whole("threads", 1),
                           {end.substr(0, end.find('Z'))},
-                          {wall ? fmt::format("{:.1f}", *wall) : "", wall},
+                          NumberCell(At(m, {"wall_seconds"}), 1),
                           whole("peak_memory_bytes", 1024.0 * 1024.0),
                           {notes}});
   }

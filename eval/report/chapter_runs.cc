@@ -13,14 +13,12 @@ namespace {
 
 constexpr size_t kChartRuns = 7;  // outlines in one histogram
 
-std::string Count(const std::optional<double>& value) { return value ? fmt::format("{:.0f}", *value) : ""; }
-
 std::optional<double> ResidualOf(const RunData::PointQuality& point) { return point.residual_px; }
 std::optional<double> TrackLengthOf(const RunData::PointQuality& point) { return point.track_length; }
 
 // The values of the points that have one.
 Sample SampleOf(const RunData& run, std::optional<double> (*value)(const RunData::PointQuality&)) {
-  Sample sample{run.run + (run.variant.empty() ? "" : "@" + run.variant), {}, {}};
+  Sample sample{ResultNameOf(run.run, run.variant), {}, {}};
   for (const RunData::PointQuality& point : run.points) {
     const std::optional<double> of_point = value(point);
     if (!of_point) continue;
@@ -67,7 +65,7 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
       return {std::to_string(count), count, tone};
     };
     table.rows.push_back({{c.RunName(run.run, run.variant)},
-                          {Count(number("images")), number("images")},
+                          NumberCell(number("images"), 0),
                           answers(localized, localized == 0 ? Tone::kBad : Tone::kPlain),
                           answers(rejected, Tone::kPlain),
                           answers(unmatched, Tone::kPlain),
@@ -75,7 +73,7 @@ void AddRunTable(const ChapterContext& c, std::vector<Block>* blocks) {
                            : metrics.empty() ? "unknown"
                                              : "none: " + TextAt(metrics, "earth_reason")},
                           {scale},
-                          {Count(number("tracks")), number("tracks")},
+                          NumberCell(number("tracks"), 0),
                           residual});
   }
   blocks->push_back(table);
@@ -206,7 +204,7 @@ void AddTags(const ChapterContext& c, std::vector<Block>* blocks) {
                           {t.status, {}, t.status == "ok" || t.status.empty() ? Tone::kPlain : Tone::kWarning},
                           c.LengthCell(t.size_m > 0 ? std::optional<double>(t.size_m) : std::nullopt),
                           c.LengthCell(t.sigma_m, 4),
-                          {t.rms_px ? fmt::format("{:.2f}", *t.rms_px) : "", t.rms_px},
+                          NumberCell(t.rms_px, 2),
                           {std::to_string(t.images), t.images},
                           {std::to_string(t.runs), t.runs}});
   }

@@ -70,7 +70,7 @@ Table ErrorsOf(const ChapterContext& c, const StationPart& part) {
                           c.LengthCell(e->error_h_m),
                           c.LengthCell(e->error_v_m),
                           {SigmaText(c, *e)},
-                          {e->nees ? fmt::format("{:.1f}", *e->nees) : "", e->nees, beyond ? Tone::kBad : Tone::kPlain},
+                          NumberCell(e->nees, 1, beyond ? Tone::kBad : Tone::kPlain),
                           {e->dominant}});
     if (several)
       table.rows.back().insert(table.rows.back().begin() + 1,
@@ -209,7 +209,7 @@ Table IndexOf(const ChapterContext& c, std::map<std::string, StationPart>& parts
         {fmt::format("{:.0f}", refused), refused},
         c.LengthCell(largest("", "absolute")),
         c.LengthCell(largest("", "relative")),
-        {nees ? fmt::format("{:.1f}", *nees) : "", nees, nees && *nees > 5.5 ? Tone::kBad : Tone::kPlain}};
+        NumberCell(nees, 1, nees && *nees > 5.5 ? Tone::kBad : Tone::kPlain)};
     for (const std::string& variant : others) {
       const auto theirs = static_cast<double>(count(variant, true));
       row.push_back({fmt::format("{:.0f}", theirs), theirs});

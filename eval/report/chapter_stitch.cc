@@ -42,7 +42,7 @@ void AddStitched(const ChapterContext& c, bool images, std::vector<Block>* block
   for (const StitchedSet& set : c.data.stitched) {
     const auto number = [&](const char* key, int decimals, double factor) {
       const auto v = At(set.metrics, {key});
-      return v ? TableCell{fmt::format("{:.{}f}", factor * *v, decimals), factor * *v} : TableCell{};
+      return NumberCell(v ? std::optional<double>(factor * *v) : std::nullopt, decimals);
     };
     table.rows.push_back({{set.name},
                           number("photos", 0, 1),

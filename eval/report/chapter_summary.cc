@@ -12,7 +12,7 @@
 namespace trigpoint {
 
 std::string ChapterContext::Length(const std::optional<double>& metres, int decimals) const {
-  return metres ? fmt::format("{:.{}f}", *metres / unit.metres, decimals) : "";
+  return NumberText(metres, decimals, "", unit.metres);
 }
 
 std::string ChapterContext::LengthUnit(const std::optional<double>& metres, int decimals) const {
@@ -93,12 +93,10 @@ std::string Percent(double share) { return fmt::format("{:.0f} %", 100 * share);
 
 // "between 0.1 and 0.6 m (95 % confidence)".
 std::string IntervalText(const ChapterContext& c, const nlohmann::json& group, const char* key, double confidence) {
-  const auto it = group.find(key);
-  if (it == group.end() || !it->is_array() || it->size() != 2 || !(*it)[0].is_number() || !(*it)[1].is_number()) {
-    return "too few answers for an interval";
-  }
-  return fmt::format("{:.0f} % interval {} to {}", 100 * confidence, c.Length((*it)[0].get<double>(), 2),
-                     c.LengthUnit((*it)[1].get<double>(), 2));
+  const std::optional<Interval> interval = IntervalAt(group, key);
+  if (!interval) return "too few answers for an interval";
+  return fmt::format("{:.0f} % interval {} to {}", 100 * confidence, c.Length(interval->low, 2),
+                     c.LengthUnit(interval->high, 2));
 }
 
 void AddHeadline(const ChapterContext& c, const Headline& headline, std::vector<Block>* blocks) {
@@ -229,10 +227,10 @@ void AddGates(const ChapterContext& c, std::vector<Block>* blocks) {
     for (const nlohmann::json& gate : *rows) {
       const std::string its = TextAt(gate, "verdict");
       std::string interval = FlagAt(gate, "complete") ? "complete" : "";
-      if (const auto it = gate.find("interval"); it != gate.end() && it->is_array() && it->size() == 2) {
-        interval =
-            fmt::format("{} to {} ({:.3g} %)", GateNumber(c, gate, it->at(0).get<double>()).text,
-                        GateNumber(c, gate, it->at(1).get<double>()).text, 100 * At(gate, {"confidence"}).value_or(0));
+      if (const auto ends = EndsAt(gate, "interval"); ends && (ends->low || ends->high)) {
+        interval = fmt::format("{} ({:.3g} %)",
+                               EndsText(GateNumber(c, gate, ends->low).text, GateNumber(c, gate, ends->high).text),
+                               100 * At(gate, {"confidence"}).value_or(0));
       }
       TableCell limit = GateNumber(c, gate, At(gate, {"limit"}));
       limit.text = (TextAt(gate, "limit_is") == "least" ? ">= " : "<= ") + limit.text;

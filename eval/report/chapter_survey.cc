@@ -31,10 +31,6 @@ std::optional<Eigen::Vector3d> VectorAt(const nlohmann::json& value, const char*
   return v;
 }
 
-std::string Plain(const std::optional<double>& value, int decimals) {
-  return value ? fmt::format("{:.{}f}", *value, decimals) : "";
-}
-
 class SurveyChapter {
  public:
   SurveyChapter(const ChapterContext& c, std::vector<Block>* blocks)
@@ -247,8 +243,8 @@ class SurveyChapter {
     for (const nlohmann::json& d : ListAt(survey_, "distances")) {
       const auto measured = At(d, {"measured_m"}), map = At(d, {"map_m"});
       if (!measured || !map) continue;
-      table.rows.push_back({{Plain(At(d, {"from"}), 0)},
-                            {Plain(At(d, {"to"}), 0)},
+      table.rows.push_back({{NumberText(At(d, {"from"}), 0)},
+                            {NumberText(At(d, {"to"}), 0)},
                             {TextAt(d, "role")},
                             c_.LengthCell(measured, 4),
                             c_.LengthCell(map, 4),
@@ -274,10 +270,7 @@ class SurveyChapter {
                  {"repeatability" + u_, true}},
                 {}};
     for (const nlohmann::json& r : ListAt(survey_, "runs")) {
-      const auto number = [&](const char* key, int decimals) {
-        const auto v = At(r, {key});
-        return TableCell{Plain(v, decimals), v};
-      };
+      const auto number = [&](const char* key, int decimals) { return NumberCell(At(r, {key}), decimals); };
       const bool scaled = At(r, {"scale_sigma"}).value_or(0) > 0;
       table.rows.push_back({{TextAt(r, "name")},
                             {TextAt(r, "date")},
@@ -302,11 +295,9 @@ class SurveyChapter {
     for (const nlohmann::json& t : ListAt(against, "tags")) {
       const auto shift = VectorAt(t, "shift_m");
       if (!FlagAt(t, "moved") || !shift) continue;
-      table.rows.push_back({{Plain(At(t, {"tag_id"}), 0), At(t, {"tag_id"})},
-                            c_.LengthCell(shift->x(), 4),
-                            c_.LengthCell(shift->y(), 4),
-                            c_.LengthCell(shift->z(), 4),
-                            {Plain(At(t, {"turn_deg"}), 3), At(t, {"turn_deg"})}});
+      table.rows.push_back({NumberCell(At(t, {"tag_id"}), 0), c_.LengthCell(shift->x(), 4),
+                            c_.LengthCell(shift->y(), 4), c_.LengthCell(shift->z(), 4),
+                            NumberCell(At(t, {"turn_deg"}), 3)});
     }
     if (!table.rows.empty()) blocks_.push_back(table);
   }
@@ -335,8 +326,7 @@ class SurveyChapter {
     }
     table.columns.push_back({"limited by"});
     for (const nlohmann::json& t : tags) {
-      std::vector<TableCell> row = {{Plain(At(t, {"tag_id"}), 0), At(t, {"tag_id"})},
-                                    c_.LengthCell(At(t, {"sigma_3d_m"}), 4)};
+      std::vector<TableCell> row = {NumberCell(At(t, {"tag_id"}), 0), c_.LengthCell(At(t, {"sigma_3d_m"}), 4)};
       for (const std::string& key : shown) row.push_back(c_.LengthCell(At(t, {key.c_str()}), 4));
       row.push_back({WithSpaces(TextAt(t, "limited_by"))});
       table.rows.push_back(std::move(row));
@@ -385,7 +375,7 @@ class SurveyChapter {
       }
       row.push_back({std::to_string(t.images), t.images});
       row.push_back({std::to_string(t.runs), t.runs});
-      row.push_back({Plain(t.rms_px, 3), t.rms_px});
+      row.push_back(NumberCell(t.rms_px, 3));
       row.push_back({t.status, {}, t.status == "ok" ? Tone::kPlain : Tone::kWarning});
       table.rows.push_back(std::move(row));
     }

@@ -25,9 +25,7 @@ struct ChapterContext {
   std::string LengthUnit(const std::optional<double>& metres, int decimals = 3) const;  // with unit
   TableCell LengthCell(const std::optional<double>& metres, int decimals = 3) const;
   // "run1", "run1@paper": as the folders of results are called.
-  std::string RunName(const std::string& run, const std::string& variant) const {
-    return variant.empty() ? run : run + "@" + variant;
-  }
+  std::string RunName(const std::string& run, const std::string& variant) const { return ResultNameOf(run, variant); }
 };
 
 // The number a reader takes away: absolute before relative, independent before shared evidence, our own before G1.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "eval/report/drawing.h"
+#include "eval/text/number_text.h"
 
 namespace trigpoint {
 
@@ -41,6 +42,10 @@ struct TableCell {
   std::string anchor;  // of a heading it leads to
   std::string link;    // of a file, relative to the report
 };
+// A number that may be missing, by which its column is sorted.
+inline TableCell NumberCell(const std::optional<double>& value, int decimals, Tone tone = Tone::kPlain) {
+  return {NumberText(value, decimals), value, tone};
+}
 struct TableColumn {
   std::string name;  // with its unit
   bool number = false;

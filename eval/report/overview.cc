@@ -61,13 +61,12 @@ OverviewRow RowOf(const OverviewProject& project, const DisplayUnit& unit, const
   row.cells = {title, {project.status, {}, bad ? Tone::kBad : Tone::kPlain}};
   const auto length = [&](const char* key) {
     const auto v = At(g, {"error_3d", "over_answers", key});
-    return TableCell{v ? fmt::format("{:.3f}", *v / unit.metres) : "", v};
+    return TableCell{NumberText(v, 3, "", unit.metres), v};
   };
   if (g.is_object()) {
     row.evaluated = true;
     for (const char* key : {"answers", "attempts"}) {
-      const auto v = At(g, {key});
-      row.cells.push_back({v ? fmt::format("{:.0f}", *v) : "", v});
+      row.cells.push_back(NumberCell(At(g, {key}), 0));
     }
     for (const char* key : {"median_m", "p90_m", "max_m"}) row.cells.push_back(length(key));
     row.cells.push_back({GroupTitle(g)});

@@ -54,7 +54,7 @@ void DrawMatches(ChapterContext* c, const ReportOptions& options, std::vector<st
         wanted.push_back(a.panorama);
     }
     if (wanted.empty()) continue;
-    const std::string result = run.variant.empty() ? run.run : run.run + "@" + run.variant;
+    const std::string result = ResultNameOf(run.run, run.variant);
     try {
       MatchPictures pictures(*c->input.project, run.run, result, c->input.views);
       without = without || !pictures.HasMatches();

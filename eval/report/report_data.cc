@@ -94,7 +94,7 @@ class Reader {
   }
 
   void ReadVariant(const std::string& variant) {
-    const fs::path dir = project_.ResultDir("evaluate", variant.empty() ? "" : "@" + variant);
+    const fs::path dir = project_.ResultDir("evaluate", ResultNameOf("", variant));
     if (!fs::exists(dir)) return;
     VariantData& v = data_.variants.emplace_back();
     v.variant = variant;
@@ -310,14 +310,14 @@ class Reader {
       });
     };
     for (const std::string& variant : input_.variants) {
-      const std::string suffix = variant.empty() ? "" : "@" + variant;
+      const std::string suffix = ResultNameOf("", variant);
       read(project_.ResultDir("survey", suffix) / "tags.csv", "survey" + suffix);
     }
     for (const Run& run : project_.site().runs) {
       read(project_.ResultDir("evaluate", "") / ("tags_" + run.name + ".csv"), "cameras of " + run.name);
     }
     for (const std::string& variant : input_.variants) {
-      const std::string suffix = variant.empty() ? "" : "@" + variant;
+      const std::string suffix = ResultNameOf("", variant);
       const fs::path gates = project_.ResultDir("gates", suffix) / "gates.json";
       if (!fs::exists(gates)) continue;
       Guard("gates" + suffix, [&] { data_.gates.emplace_back(variant, nlohmann::json::parse(ReadTextFile(gates))); });
@@ -383,36 +383,6 @@ class Reader {
 };
 
 }  // namespace
-
-std::optional<double> At(const nlohmann::json& json, std::initializer_list<const char*> path) {
-  const nlohmann::json* at = &json;
-  for (const char* key : path) {
-    if (!at->is_object()) return std::nullopt;
-    const auto it = at->find(key);
-    if (it == at->end()) return std::nullopt;
-    at = &*it;
-  }
-  return at->is_number() ? std::optional<double>(at->get<double>()) : std::nullopt;
-}
-
-std::string TextAt(const nlohmann::json& json, const char* key) {
-  if (!json.is_object()) return "";
-  const auto it = json.find(key);
-  return it != json.end() && it->is_string() ? it->get<std::string>() : "";
-}
-
-bool FlagAt(const nlohmann::json& json, const char* key) {
-  if (!json.is_object()) return false;
-  const auto it = json.find(key);
-  return it != json.end() && it->is_boolean() && it->get<bool>();
-}
-
-const nlohmann::json& ObjectAt(const nlohmann::json& json, const char* key) {
-  static const nlohmann::json kEmpty = nlohmann::json::object();
-  if (!json.is_object()) return kEmpty;
-  const auto it = json.find(key);
-  return it != json.end() && it->is_object() ? *it : kEmpty;
-}
 
 ReportData ReadReportData(const ReportInput& input, ProgressSink& progress, const CancelToken& cancel) {
   progress.Begin("reading results", 0);

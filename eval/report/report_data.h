@@ -14,6 +14,7 @@
 #include "datasets/io/views.h"
 #include "datasets/project/project.h"
 #include "eval/report/error_run.h"
+#include "eval/text/json_values.h"
 
 namespace trigpoint {
 
@@ -128,12 +129,6 @@ struct ReportData {
   std::vector<std::string> notes;
   std::string newest;  // end of the newest result, UTC; empty: none
 };
-
-// Values of JSON that may be anything: unset, "", false or an empty object where they are missing or of another type.
-std::optional<double> At(const nlohmann::json& json, std::initializer_list<const char*> path);
-std::string TextAt(const nlohmann::json& json, const char* key);
-bool FlagAt(const nlohmann::json& json, const char* key);
-const nlohmann::json& ObjectAt(const nlohmann::json& json, const char* key);
 
 ReportData ReadReportData(const ReportInput& input, ProgressSink& progress, const CancelToken& cancel);
 

@@ -148,11 +148,9 @@ std::optional<SigmaTest> SigmasOf(const nlohmann::json& group) {
   const nlohmann::json& joint = ObjectAt(all, "joint");
   const nlohmann::json& nees = joint.empty() ? all : joint;
   const auto per_dof = At(nees, {"mean_per_dof"});
-  const auto bounds = nees.find("bounds");
-  if (!per_dof || bounds == nees.end() || !bounds->is_array() || bounds->size() != 2 || !(*bounds)[0].is_number() ||
-      !(*bounds)[1].is_number())
-    return {};
-  return SigmaTest{*per_dof, (*bounds)[0].get<double>(), (*bounds)[1].get<double>()};
+  const auto bounds = IntervalAt(nees, "bounds");
+  if (!per_dof || !bounds) return {};
+  return SigmaTest{*per_dof, bounds->low, bounds->high};
 }
 
 std::optional<SigmaTest> VerdictErrors::Sigmas() const { return SigmasOf(group); }

@@ -146,8 +146,7 @@ class Loader {
 
   // Of a run, or of the whole site with an empty `run`.
   fs::path ResultOf(const std::string& stage, const std::string& run) const {
-    if (options_.release.empty())
-      return project_.ResultDir(stage, options_.variant.empty() ? run : run + "@" + options_.variant);
+    if (options_.release.empty()) return project_.ResultDir(stage, ResultNameOf(run, options_.variant));
     const fs::path release = project_.dir() / "releases" / options_.release;
     return stage == "survey" ? release / "map" : run.empty() ? release / stage : release / stage / run;
   }
@@ -201,7 +200,7 @@ class Loader {
 
   // The one `evaluate` scored against, else the project's own.
   fs::path TruthFolder() const {
-    const std::string name = options_.variant.empty() ? "" : "@" + options_.variant;
+    const std::string name = ResultNameOf("", options_.variant);
     const nlohmann::json manifest = ReadManifest(project_, "evaluate", name).value_or(nlohmann::json::object());
     const std::string given = manifest.value("/options/truth"_json_pointer, "");
     return project_.dir() / (given.empty() ? "truth" : given);

@@ -105,7 +105,7 @@ std::optional<Eigen::Matrix3d> ScenePairs::Between(const Project& project, const
   const bool tag = a.kind == SceneThing::Kind::kTag;
   if (tag != (b.kind == SceneThing::Kind::kTag) || a.run != b.run) return std::nullopt;
   if (tag) return BetweenTags(project, a, b);
-  const std::string name = variant.empty() ? a.run : a.run + "@" + variant;
+  const std::string name = ResultNameOf(a.run, variant);
   return BetweenPoses(project.ResultDir("localize", name) / kSolutionFile, on_earth, a, b);
 }
 

@@ -10,7 +10,9 @@
 #include "calib/geo/geodetic.h"
 #include "eval/statistics/distributions.h"
 #include "eval/statistics/statistics.h"
+#include "eval/text/json_values.h"
 #include "eval/text/markdown.h"
+#include "eval/text/number_text.h"
 
 namespace trigpoint {
 namespace {
@@ -138,9 +140,8 @@ std::string FormatEpoch(const EpochTest& test, const std::string& a, const std::
     const std::string verdict = !t.chi2_position ? "no covariance" : t.moved ? "moved" : t.turned ? "turned" : "";
     lines.push_back({std::to_string(t.tag_id), length(t.moved_m.x()), length(t.moved_m.y()), length(t.moved_m.z()),
                      length(t.sigma_m.x()), length(t.sigma_m.y()), length(t.sigma_m.z()),
-                     fmt::format("{:.3f}", t.turned_deg),
-                     t.chi2_position ? fmt::format("{:.1f}", *t.chi2_position) : "-",
-                     t.chi2_rotation ? fmt::format("{:.1f}", *t.chi2_rotation) : "-", verdict});
+                     fmt::format("{:.3f}", t.turned_deg), NumberText(t.chi2_position, 1, "-"),
+                     NumberText(t.chi2_rotation, 1, "-"), verdict});
     if (t.moved || t.turned) names += fmt::format("{}{}", names.empty() ? "" : ", ", t.tag_id);
   }
   std::string text = fmt::format(
@@ -164,13 +165,12 @@ std::string FormatEpoch(const EpochTest& test, const std::string& a, const std::
 nlohmann::json EpochJson(const EpochTest& test) {
   nlohmann::json tags = nlohmann::json::array(), moved = nlohmann::json::array();
   for (const TagMove& t : test.tags) {
-    const auto number = [](const std::optional<double>& v) { return v ? nlohmann::json(*v) : nlohmann::json(); };
     tags.push_back({{"tag_id", t.tag_id},
                     {"moved_m", {t.moved_m.x(), t.moved_m.y(), t.moved_m.z()}},
                     {"sigma_m", {t.sigma_m.x(), t.sigma_m.y(), t.sigma_m.z()}},
                     {"turned_deg", t.turned_deg},
-                    {"chi2_position", number(t.chi2_position)},
-                    {"chi2_rotation", number(t.chi2_rotation)},
+                    {"chi2_position", OrNull(t.chi2_position)},
+                    {"chi2_rotation", OrNull(t.chi2_rotation)},
                     {"moved", t.moved},
                     {"turned", t.turned}});
     if (t.moved || t.turned) moved.push_back(t.tag_id);

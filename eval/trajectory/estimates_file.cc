@@ -4,20 +4,20 @@
 
 #include "calib/geo/geodetic.h"
 #include "datasets/io/csv.h"
+#include "eval/text/json_values.h"
 #include "eval/text/markdown.h"
+#include "eval/text/number_text.h"
 #include "eval/trajectory/estimates.h"
 
 namespace trigpoint {
 namespace {
 
-nlohmann::json Json(const std::optional<double>& value) { return value ? nlohmann::json(*value) : nlohmann::json(); }
-
 nlohmann::json Json(const ErrorStatistics& s) {
-  return {{"median_m", Json(s.median)},
-          {"p90_m", Json(s.p90)},
-          {"max_m", Json(s.max)},
-          {"median_attempts_m", Json(s.median_attempts)},
-          {"p90_attempts_m", Json(s.p90_attempts)}};
+  return {{"median_m", OrNull(s.median)},
+          {"p90_m", OrNull(s.p90)},
+          {"max_m", OrNull(s.max)},
+          {"median_attempts_m", OrNull(s.median_attempts)},
+          {"p90_attempts_m", OrNull(s.p90_attempts)}};
 }
 
 std::vector<std::string> CovarianceColumns() {
@@ -78,21 +78,18 @@ void WriteEstimates(const std::vector<EstimateReport>& reports, const std::files
 
 std::string FormatEstimates(const std::vector<EstimateReport>& reports, const std::string& unit,
                             double metres_per_unit) {
-  const auto length = [&](const std::optional<double>& metres) {
-    return metres ? fmt::format("{:.3f}", *metres / metres_per_unit) : "-";
-  };
+  const auto length = [&](const std::optional<double>& metres) { return NumberText(metres, 3, "-", metres_per_unit); };
   std::vector<std::vector<std::string>> lines{{"system", "run", "answers", "attempts", "rmse", "95 % interval", "RPE",
                                                "median", "P90", "P90 of attempts", "horizontal median",
                                                "vertical median", "rot. deg rmse"}};
   std::string notes;
   for (const EstimateReport& r : reports) {
-    lines.push_back({r.system, r.run, std::to_string(r.answers), std::to_string(r.attempts), length(r.rmse_m),
-                     r.own_rmse_interval_m
-                         ? length(r.own_rmse_interval_m->low) + " to " + length(r.own_rmse_interval_m->high)
-                         : "-",
-                     length(r.relative.rmse_m), length(r.error_3d.median), length(r.error_3d.p90),
-                     length(r.error_3d.p90_attempts), length(r.error_h.median), length(r.error_v.median),
-                     r.rmse_rot_deg ? fmt::format("{:.3f}", *r.rmse_rot_deg) : "-"});
+    lines.push_back(
+        {r.system, r.run, std::to_string(r.answers), std::to_string(r.attempts), length(r.rmse_m),
+         r.own_rmse_interval_m ? length(r.own_rmse_interval_m->low) + " to " + length(r.own_rmse_interval_m->high)
+                               : "-",
+         length(r.relative.rmse_m), length(r.error_3d.median), length(r.error_3d.p90), length(r.error_3d.p90_attempts),
+         length(r.error_h.median), length(r.error_v.median), NumberText(r.rmse_rot_deg, 3, "-")});
     notes += fmt::format(
         "- {} on {}: poses of the {}, alignment {}; {} of {} images absent; the reference's own 1 sigma in "
         "space is {} {}\n",
@@ -118,25 +115,21 @@ nlohmann::json EstimatesJson(const std::vector<EstimateReport>& reports) {
                         {"applied_offset_s", r.applied_offset_s},
                         {"attempts", r.attempts},
                         {"answers", r.answers},
-                        {"rmse_m", Json(r.rmse_m)},
-                        {"rmse_rot_deg", Json(r.rmse_rot_deg)},
+                        {"rmse_m", OrNull(r.rmse_m)},
+                        {"rmse_rot_deg", OrNull(r.rmse_rot_deg)},
                         {"reference_sigma_m", r.reference_rms_m},
-                        {"aligned_rmse_m", Json(r.aligned_rmse_m)},
-                        {"rmse_with_offset_m", Json(r.rmse_with_offset_m)},
+                        {"aligned_rmse_m", OrNull(r.aligned_rmse_m)},
+                        {"rmse_with_offset_m", OrNull(r.rmse_with_offset_m)},
                         {"error_3d", Json(r.error_3d)},
                         {"error_h", Json(r.error_h)},
                         {"error_v", Json(r.error_v)},
                         {"notes", r.notes}};
     j["rpe"] = {{"length_m", r.relative.length_m},
                 {"pieces", r.relative.pieces},
-                {"rmse_m", Json(r.relative.rmse_m)},
-                {"rmse_deg", Json(r.relative.rmse_deg)},
-                {"interval_m", nullptr}};
-    if (r.relative.interval_m) {
-      j["rpe"]["interval_m"] = {r.relative.interval_m->low, r.relative.interval_m->high};
-    }
-    j["own_rmse_interval_m"] = nullptr;
-    if (r.own_rmse_interval_m) j["own_rmse_interval_m"] = {r.own_rmse_interval_m->low, r.own_rmse_interval_m->high};
+                {"rmse_m", OrNull(r.relative.rmse_m)},
+                {"rmse_deg", OrNull(r.relative.rmse_deg)},
+                {"interval_m", OrNull(r.relative.interval_m)}};
+    j["own_rmse_interval_m"] = OrNull(r.own_rmse_interval_m);
     if (r.time_offset) {
       j["time_offset"] = {{"offset_s", r.time_offset->offset_s},
                           {"sigma_s", r.time_offset->sigma_s},

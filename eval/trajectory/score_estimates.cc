@@ -66,9 +66,7 @@ EstimateReport ScoreCameras(const Project& project, const EvaluatedRun& run, con
 
 }  // namespace
 
-std::string OwnSystem(const std::string& variant) {
-  return variant.empty() ? kOwnSystem : std::string(kOwnSystem) + "@" + variant;
-}
+std::string OwnSystem(const std::string& variant) { return ResultNameOf(kOwnSystem, variant); }
 
 bool IsOwnSystem(const std::string& system) { return system == kOwnSystem || system.starts_with(OwnSystem("") + "@"); }
 

@@ -1,13 +1,13 @@
 #include <fmt/format.h>
 
+#include "eval/text/json_values.h"
+#include "eval/text/number_text.h"
 #include "eval/truth/truth.h"
 
 namespace trigpoint {
 namespace {
 
-nlohmann::json Number(const std::optional<double>& value) { return value ? nlohmann::json(*value) : nlohmann::json(); }
-
-std::string Metres(const std::optional<double>& value) { return value ? fmt::format("{:.3f}", *value) : "-"; }
+std::string Metres(const std::optional<double>& value) { return NumberText(value, 3, "-"); }
 
 }  // namespace
 
@@ -27,25 +27,25 @@ nlohmann::json TruthJson(const TruthEvaluation& e) {
                        {"panorama", a.panorama},
                        {"relative_m", a.relative_m},
                        {"relative_rot_deg", a.relative_rot_deg},
-                       {"world_h_m", Number(a.world_h_m)},
-                       {"world_v_m", Number(a.world_v_m)},
-                       {"nees", Number(a.nees)}});
+                       {"world_h_m", OrNull(a.world_h_m)},
+                       {"world_v_m", OrNull(a.world_v_m)},
+                       {"nees", OrNull(a.nees)}});
   }
   return {{"frames_truth", e.frames_truth},
           {"frames_out", e.frames_out},
           {"expected", e.expected},
           {"missing", e.missing},
           {"answers", answers},
-          {"rel_median", Number(e.relative_median_m)},
-          {"rel_p90", Number(e.relative_p90_m)},
-          {"rel_max", Number(e.relative_max_m)},
-          {"world_cam_rmse_h", Number(e.camera_rmse_h_m)},
-          {"world_cam_rmse_v", Number(e.camera_rmse_v_m)},
-          {"ate_se3", Number(e.ate_se3_m)},
-          {"ate_sim3", Number(e.ate_sim3_m)},
-          {"scale_error", Number(e.scale_error)},
-          {"pano_anees_per_dof", Number(e.panorama_anees_per_dof)},
-          {"world_cam_nees_per_dof", Number(e.camera_nees_per_dof)}};
+          {"rel_median", OrNull(e.relative_median_m)},
+          {"rel_p90", OrNull(e.relative_p90_m)},
+          {"rel_max", OrNull(e.relative_max_m)},
+          {"world_cam_rmse_h", OrNull(e.camera_rmse_h_m)},
+          {"world_cam_rmse_v", OrNull(e.camera_rmse_v_m)},
+          {"ate_se3", OrNull(e.ate_se3_m)},
+          {"ate_sim3", OrNull(e.ate_sim3_m)},
+          {"scale_error", OrNull(e.scale_error)},
+          {"pano_anees_per_dof", OrNull(e.panorama_anees_per_dof)},
+          {"world_cam_nees_per_dof", OrNull(e.camera_nees_per_dof)}};
 }
 
 }  // namespace trigpoint

@@ -6,6 +6,7 @@
 #include "app/pipeline/calibrate_hand_eye.h"
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/tag_views.h"
+#include "eval/evidence/tag_views.h"
 #include "localize/files/tables.h"
 #include "survey/tags/hand_eye_sights.h"
 

@@ -10,6 +10,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/trajectory.h"
 #include "datasets/solution/solution_file.h"
+#include "eval/exchange/layers.h"
 #include "localize/files/tables.h"
 #include "localize/site/tables.h"
 #include "tests/datasets/project_folder.h"

@@ -406,6 +406,31 @@ TEST_F(ReportTest, SigmasOfTheReferenceAloneSayNothingOfASystem) {
   EXPECT_THAT(html, HasSubstr("the system states no sigmas"));
 }
 
+// JSON has no infinity: null stands for it.
+TEST_F(ReportTest, IntervalsMayBeOpen) {
+  WriteResults();
+  const auto gate = [](const char* of, const nlohmann::json& low, const nlohmann::json& high) {
+    return nlohmann::json{
+        {"gate", "survey.max_rmse_h_m"}, {"of", of},           {"unit", "m"}, {"limit", 0.5},
+        {"interval", {low, high}},       {"confidence", 0.95}, {"n", 3},      {"verdict", "undecided"}};
+  };
+  const nlohmann::json gates = {gate("above", 0.1, nullptr), gate("below", nullptr, 0.3), gate("both", 0.1, 0.3),
+                                gate("neither", nullptr, nullptr)};
+  site_.Write("results/gates/gates.json", nlohmann::json({{"verdict", "undecided"}, {"gates", gates}}).dump());
+  const nlohmann::json system = {{"system", "open"}, {"run", "run1"},  {"attempts", 2},
+                                 {"answers", 2},     {"rmse_m", 0.03}, {"own_rmse_interval_m", {0.02, nullptr}}};
+  site_.Write("results/evaluate/estimates.json",
+              nlohmann::json({{"estimates", nlohmann::json::array({system})}}).dump());
+  site_.Write("results/evaluate/estimates.csv", "system,run,timestamp\nopen,run1,1\n");
+  Report();
+  const std::string table = site_.Read("out/tables/gates.csv");
+  EXPECT_THAT(table, HasSubstr(",above,undecided,,from 0.1 m (95 %),"));
+  EXPECT_THAT(table, HasSubstr(",below,undecided,,up to 0.3 m (95 %),"));
+  EXPECT_THAT(table, HasSubstr(",both,undecided,,0.1 m to 0.3 m (95 %),"));
+  EXPECT_THAT(table, HasSubstr(",neither,undecided,,,"));
+  EXPECT_THAT(site_.Read("out/tables/cameras.csv"), HasSubstr("\nopen,run1,2,2,0.030,0.020,,"));
+}
+
 TEST_F(ReportTest, HostileNamesStayText) {
   WriteResults();
   const std::string evil = "<img src=x onerror=alert(1)>";

@@ -1,4 +1,4 @@
-#include "app/pipeline/world_evidence.h"
+#include "eval/evidence/world_evidence.h"
 
 #include <fmt/format.h>
 
@@ -6,10 +6,10 @@
 #include <sstream>
 
 #include "app/pipeline/reviewed.h"
-#include "app/pipeline/rolling_tags.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 #include "eval/errors/reference_maps.h"
+#include "eval/evidence/rolling_tags.h"
 
 namespace trigpoint {
 namespace {
@@ -19,9 +19,12 @@ namespace fs = std::filesystem;
 constexpr const char* kParts[] = {"control", "tags", "gps"};
 
 // The survey's of the same variant, unless another map is named.
-std::string MapName(const UseOptionsOfWorld& options, const StageTarget& target) {
-  if (!options.reference.empty()) return options.reference;
-  return target.variant.empty() ? "survey" : "survey@" + target.variant;
+std::string MapName(const UseOptionsOfWorld& options, const std::string& variant) {
+  return options.reference.empty() ? ResultNameOf("survey", variant) : options.reference;
+}
+
+fs::path DetectionsOf(const Project& project, const std::string& run) {
+  return project.ResultDir("detect", run) / "detections.csv";
 }
 
 // The joint covariance of tags. Where the map does not have all their cross covariances, an upper bound of it: n times
@@ -88,31 +91,27 @@ std::vector<std::string> StagesForWorld(const UseOptionsOfWorld& options) {
   return stages;
 }
 
-void AddWorldInputs(const Project& project, const StageTarget& target, const UseOptionsOfWorld& options,
-                    StageRequest* request) {
+void AddWorldInputs(const Project& project, const std::string& run, const std::string& variant,
+                    const UseOptionsOfWorld& options, StageRequest* request) {
   const std::set<std::string> parts = options.Parts();
   if (parts.count("tags") == 0 && parts.count("control") == 0) return;
-  StageTarget plain = target;
-  plain.variant.clear();
-  request->inputs.push_back(ManifestOf(project, "detect", plain));
+  request->inputs.push_back(project.ResultDir("detect", run) / "manifest.json");
   request->inputs.push_back(project.dir() / "tags.yaml");
   if (parts.count("control") > 0) request->inputs.push_back(project.dir() / "control_points.csv");
   if (parts.count("tags") > 0) {
-    const std::string name = MapName(options, target);
+    const std::string name = MapName(options, variant);
     request->inputs.push_back(name.starts_with("survey") ? ReferenceMapFolder(project, name) / "manifest.json"
                                                          : ReleaseFolder(project, name));
   }
-  nlohmann::json review = project.review().InForce({"detection", "tag", "control"}, target.run);
+  nlohmann::json review = project.review().InForce({"detection", "tag", "control"}, run);
   if (!review.is_null()) request->values["review_of_world"] = std::move(review);
 }
 
-WorldSources::WorldSources(const Project& project, const StageTarget& target, const UseOptionsOfWorld& options,
-                           const LocalizeJob& job, bool all_tags)
-    : run_(target.run), job_(job), parts_(options.Parts()), all_tags_(all_tags), sizes_(project.site().tags) {
+WorldSources::WorldSources(const Project& project, const std::string& run, const std::string& variant,
+                           const UseOptionsOfWorld& options, const LocalizeJob& job, bool all_tags)
+    : run_(run), job_(job), parts_(options.Parts()), all_tags_(all_tags), sizes_(project.site().tags) {
   if (parts_.empty()) {
-    StageTarget plain = target;
-    plain.variant.clear();
-    if (all_tags_ && fs::exists(ResultOf(project, "detect", plain) / "detections.csv")) ReadImages(project, target);
+    if (all_tags_ && fs::exists(DetectionsOf(project, run_))) ReadImages(project);
     return;
   }
   if (!job.input.has_frame) {
@@ -123,9 +122,9 @@ WorldSources::WorldSources(const Project& project, const StageTarget& target, co
     throw InputError("--use gps: run " + run_ +
                      " has no GPS while its images were taken; expected gps.csv, *.nmea or " + "*.gpx in runs/" + run_);
   }
-  if (parts_.count("tags") > 0) ReadMap(project, MapName(options, target));
+  if (parts_.count("tags") > 0) ReadMap(project, MapName(options, variant));
   if (parts_.count("control") > 0) ReadControl(project);
-  if (all_tags_ || parts_.count("tags") > 0 || parts_.count("control") > 0) ReadImages(project, target);
+  if (all_tags_ || parts_.count("tags") > 0 || parts_.count("control") > 0) ReadImages(project);
 }
 
 void WorldSources::ReadMap(const Project& project, const std::string& name) {
@@ -168,10 +167,8 @@ void WorldSources::ReadControl(const Project& project) {
   }
 }
 
-void WorldSources::ReadImages(const Project& project, const StageTarget& target) {
-  StageTarget plain = target;
-  plain.variant.clear();
-  const fs::path file = ResultOf(project, "detect", plain) / "detections.csv";
+void WorldSources::ReadImages(const Project& project) {
+  const fs::path file = DetectionsOf(project, run_);
   if (!fs::exists(file)) {
     throw InputError("--use tags, control: " + file.string() + " is not there; run `trigpoint detect " +
                      project.dir().string() + "` first");

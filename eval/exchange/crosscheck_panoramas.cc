@@ -1,4 +1,4 @@
-#include "app/pipeline/crosscheck_panoramas.h"
+#include "eval/exchange/crosscheck_panoramas.h"
 
 #include <fmt/format.h>
 
@@ -7,6 +7,7 @@
 #include <set>
 
 #include "datasets/io/csv.h"
+#include "eval/text/number_text.h"
 
 namespace trigpoint {
 namespace {
@@ -109,8 +110,7 @@ std::string FormatPanoramaVerdicts(const std::vector<PanoramaJudgement>& judged,
   for (const PanoramaJudgement& j : judged) {
     const auto length = Metres(j);
     text += fmt::format("| {} | {} | {} | {} | {} | {} | {} |\n", j.name, CrossVerdictName(j.verdict),
-                        OursOf(j.name, answers), j.views, j.points, length ? fmt::format("{:.3f}", *length) : "",
-                        j.chi2 ? fmt::format("{:.1f}", *j.chi2) : "");
+                        OursOf(j.name, answers), j.views, j.points, NumberText(length, 3), NumberText(j.chi2, 1));
   }
   return text;
 }

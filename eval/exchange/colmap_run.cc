@@ -1,4 +1,4 @@
-#include "app/pipeline/crosscheck_colmap.h"
+#include "eval/exchange/colmap_run.h"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,6 @@
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
-#include "app/pipeline/stages.h"
 #include "datasets/colmap/camera_models.h"
 #include "datasets/io/credits.h"
 #include "datasets/io/exif.h"

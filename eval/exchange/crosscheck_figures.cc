@@ -1,4 +1,4 @@
-#include "app/pipeline/crosscheck_figures.h"
+#include "eval/exchange/crosscheck_figures.h"
 
 #include <fmt/format.h>
 
@@ -35,21 +35,15 @@ void Legend(const cv::Mat& picture, const std::vector<CrossFigure>& figures) {
   }
 }
 
-}  // namespace
-
-void WriteCrossFigures(const std::filesystem::path& dir, const std::string& run,
-                       const std::vector<CrossFigure>& figures) {
+cv::Mat PlanOf(const std::string& run, const std::vector<CrossFigure>& figures) {
   Eigen::Vector2d low = Eigen::Vector2d::Constant(INFINITY), high = -low;
-  double longest = 1e-9, highest = 4;
-  size_t most = 2;
+  double longest = 1e-9;
   for (const CrossFigure& figure : figures) {
     for (size_t i = 0; i < figure.places.size(); ++i) {
       low = low.cwiseMin(figure.places[i].head<2>());
       high = high.cwiseMax(figure.places[i].head<2>());
       longest = std::max(longest, figure.differences[i].head<2>().norm());
-      if (std::isfinite(figure.normalised[i])) highest = std::max(highest, figure.normalised[i]);
     }
-    most = std::max(most, figure.places.size());
   }
   const Eigen::Vector2d extent = (high - low).cwiseMax(1e-3);
   const double scale = std::min((kWidth - 2 * kMargin) / extent.x(), (kHeight - 2 * kMargin) / extent.y());
@@ -74,8 +68,19 @@ void WriteCrossFigures(const std::filesystem::path& dir, const std::string& run,
         end + 12, y + 5);
   Write(plan, "Cross-check of " + run + " from above: theirs minus ours after Sim3", kMargin, 30, kBlack, 0.6);
   Legend(plan, figures);
-  Save(dir / (run + "_plan.png"), plan);
+  return plan;
+}
 
+// Along the run.
+cv::Mat NormalisedOf(const std::string& run, const std::vector<CrossFigure>& figures) {
+  double highest = 4;
+  size_t most = 2;
+  for (const CrossFigure& figure : figures) {
+    for (size_t i = 0; i < figure.places.size(); ++i) {
+      if (std::isfinite(figure.normalised[i])) highest = std::max(highest, figure.normalised[i]);
+    }
+    most = std::max(most, figure.places.size());
+  }
   cv::Mat chart(kHeight, kWidth, CV_8UC3, cv::Scalar::all(255));
   const double top = std::log10(highest * 1.2), bottom = -1.5;
   const auto point = [&](double x, double value) {
@@ -101,7 +106,15 @@ void WriteCrossFigures(const std::filesystem::path& dir, const std::string& run,
         0.6);
   Write(chart, "image, in the order of the run", kWidth / 2.0 - 120, kHeight - 30);
   Legend(chart, figures);
-  Save(dir / (run + "_normalised.png"), chart);
+  return chart;
+}
+
+}  // namespace
+
+void WriteCrossFigures(const std::filesystem::path& dir, const std::string& run,
+                       const std::vector<CrossFigure>& figures) {
+  Save(dir / (run + "_plan.png"), PlanOf(run, figures));
+  Save(dir / (run + "_normalised.png"), NormalisedOf(run, figures));
 }
 
 }  // namespace trigpoint

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "datasets/io/views.h"
 #include "datasets/project/project.h"
 
 namespace trigpoint {
@@ -63,8 +64,10 @@ class RunInspector {
   // The images that see a point of the model, in the run's order. Throws InputError if it has no such point.
   std::vector<std::string> ImagesOf(int64_t point);
   // Matches anew between the features of both (mutual nearest neighbours, ratio test) and judges them by the poses of
-  // the solution. Throws InputError without features of either.
-  std::vector<InspectedMatch> Matches(const std::string& file, const std::string& panorama);
+  // the solution. `references`: results of all parts of the references; `views`: how their views were drawn. Throws
+  // InputError without features of either.
+  std::vector<InspectedMatch> Matches(const std::string& file, const std::string& panorama,
+                                      const std::vector<std::filesystem::path>& references, const ViewOptions& views);
 
  private:
   struct Parts;

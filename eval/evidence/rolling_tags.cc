@@ -1,4 +1,4 @@
-#include "app/pipeline/rolling_tags.h"
+#include "eval/evidence/rolling_tags.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "app/pipeline/measured_offsets.h"
+#include "eval/errors/measured_offsets.h"
 
 #include <fmt/format.h>
 
@@ -19,7 +19,7 @@ std::vector<std::string> CheckOffsets(const std::string& how) {
 std::set<std::string> UseMeasuredOffsets(const Project& project, const std::string& how, const std::string& variant,
                                          std::vector<Station>* stations, std::vector<std::string>* notes) {
   if (how == "stated") return {};
-  const fs::path file = project.ResultDir("survey", variant.empty() ? "" : "@" + variant) / "stations.csv";
+  const fs::path file = project.ResultDir("survey", ResultNameOf("", variant)) / "stations.csv";
   if (!fs::exists(file)) {
     throw InputError(file.string() + ": expected the offsets that `trigpoint survey` measures where panoramas show " +
                      "tags, found no such file; evaluate with --offsets stated");

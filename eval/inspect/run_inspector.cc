@@ -1,4 +1,4 @@
-#include "app/pipeline/inspect.h"
+#include "eval/inspect/run_inspector.h"
 
 #include <fmt/format.h>
 
@@ -8,14 +8,12 @@
 #include <map>
 #include <set>
 
-#include "app/pipeline/command_line.h"
-#include "app/pipeline/reference_parts.h"
-#include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/rig_file.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/stage.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
 #include "eval/errors/results.h"
@@ -36,7 +34,7 @@ constexpr double kRatio = 0.8, kMaxDistance = 0.8;
 }  // namespace
 
 std::string OlderLocalization(const Project& project, const std::string& run, const std::string& variant) {
-  const fs::path dir = ResultOf(project, "localize", {run, variant});
+  const fs::path dir = project.ResultDir("localize", ResultNameOf(run, variant));
   if (fs::exists(dir / kSolutionFile) || !fs::exists(dir / "panoramas.csv")) return "";
   return fmt::format("run {}: {} was made by an earlier version and has no {}; run `trigpoint localize {} --run {}{}`",
                      run, RelativeTo(project.dir(), dir), kSolutionFile, ShellWord(project.dir().string()),
@@ -46,7 +44,7 @@ std::string OlderLocalization(const Project& project, const std::string& run, co
 struct RunInspector::Parts {
   const Project project;
   const Run& run;
-  StageTarget target;
+  const std::string localized;  // the name of its result
   bool result_read = false;
   LocalizeResult result;
   SparseModel model;                          // odom
@@ -55,10 +53,8 @@ struct RunInspector::Parts {
   bool tags_read = false;
   std::map<std::string, std::vector<TagDetection>> tags;  // by image
 
-  Parts(const Project& p, const std::string& name, const std::string& variant) : project(p), run(project.run(name)) {
-    target.run = name;
-    target.variant = variant;
-  }
+  Parts(const Project& p, const std::string& name, const std::string& variant)
+      : project(p), run(project.run(name)), localized(ResultNameOf(name, variant)) {}
   const ImageEntry& Entry(const std::string& file) const {
     std::vector<std::string> names;
     for (const ImageEntry& entry : run.images) {
@@ -70,7 +66,7 @@ struct RunInspector::Parts {
   void ReadResult() {
     if (result_read) return;
     result_read = true;
-    const fs::path dir = ResultOf(project, "localize", target);
+    const fs::path dir = project.ResultDir("localize", localized);
     if (fs::exists(dir / kSolutionFile)) {
       const Solution solution = ReadSolution(dir / kSolutionFile);
       result = ReadLocalizeResult(dir, &solution);
@@ -85,7 +81,7 @@ struct RunInspector::Parts {
   void ReadTags() {
     if (tags_read) return;
     tags_read = true;
-    const fs::path made = ResultOf(project, "detect", target) / "detections.csv";
+    const fs::path made = project.ResultDir("detect", run.name) / "detections.csv";
     const fs::path file = fs::exists(made) ? made : run.detections;
     if (file.empty()) return;
     std::vector<std::string> warnings;
@@ -195,8 +191,8 @@ std::vector<MatchedView> ViewsOfSet(std::vector<MatchedView> photos, const fs::p
 }
 
 // Focal length of a photo as `localize` found it, times what its EXIF states.
-double FocalFactor(const Project& project, const StageTarget& target, const std::string& photo) {
-  const auto manifest = ReadManifest(project, "localize", ResultName(StageNamed("localize"), target));
+double FocalFactor(const Project& project, const std::string& localized, const std::string& photo) {
+  const auto manifest = ReadManifest(project, "localize", localized);
   if (!manifest) return 1;
   const nlohmann::json none = nlohmann::json::array();
   for (const auto& focal : manifest->value("metrics", nlohmann::json::object()).value("photo_focals", none)) {
@@ -220,7 +216,7 @@ void Judge(const Camera& camera, const Eigen::Vector3d& ray, const Rigid3d& cam_
 }
 
 // The pictures of the reference called `panorama`. Throws InputError if there is none.
-std::vector<MatchedView> ViewsOf(const Project& project, const ViewOptions& options, const StageTarget& target,
+std::vector<MatchedView> ViewsOf(const Project& project, const ViewOptions& options, const std::string& localized,
                                  const std::string& panorama) {
   std::vector<std::string> names;
   std::vector<MatchedView> views;
@@ -238,7 +234,7 @@ std::vector<MatchedView> ViewsOf(const Project& project, const ViewOptions& opti
     for (const View& view : prepared.rig.views) {
       views.push_back({view, prepared.name + "#" + view.name, sphere});
       if (!set.empty()) views.back().view.name = fs::path(prepared.name).filename().string();
-      const double factor = sphere ? 1 : FocalFactor(project, target, prepared.name);
+      const double factor = sphere ? 1 : FocalFactor(project, localized, prepared.name);
       if (factor != 1) views.back().view.camera = WithFocalFactor(view.camera, factor);
     }
   }
@@ -247,19 +243,18 @@ std::vector<MatchedView> ViewsOf(const Project& project, const ViewOptions& opti
   }
   return set.empty() ? views
                      : ViewsOfSet(std::move(views), project.ResultDir("stitch", set),
-                                  ResultOf(project, "localize", target), set);
+                                  project.ResultDir("localize", localized), set);
 }
 
 }  // namespace
 
-std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const std::string& panorama) {
+std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const std::string& panorama,
+                                                  const std::vector<fs::path>& references, const ViewOptions& options) {
   Parts& p = *parts_;
   const ImageEntry& entry = p.Entry(file);
-  StageTarget plain = p.target;
-  plain.variant.clear();
-  const fs::path images_db = ResultOf(p.project, "features", plain) / kFeaturesFile;
+  const fs::path images_db = p.project.ResultDir("features", p.run.name) / kFeaturesFile;
   std::vector<fs::path> view_dbs;
-  for (const fs::path& result : ReferenceResults(p.project)) view_dbs.push_back(result / kFeaturesFile);
+  for (const fs::path& result : references) view_dbs.push_back(result / kFeaturesFile);
   std::vector<fs::path> databases = view_dbs;
   databases.push_back(images_db);
   for (const fs::path& database : databases) {
@@ -279,9 +274,8 @@ std::vector<InspectedMatch> RunInspector::Matches(const std::string& file, const
   for (const PanoramaResult& answer : p.result.panoramas) {
     if (answer.panorama == panorama) odom_from_pano = answer.odom_from_pano;
   }
-  const ViewOptions options = ViewOptionsOf(p.project);
   std::vector<InspectedMatch> matches;
-  for (const MatchedView& matched : ViewsOf(p.project, options, p.target, panorama)) {
+  for (const MatchedView& matched : ViewsOf(p.project, options, p.localized, panorama)) {
     if (!views.Has(matched.features)) continue;
     std::optional<Rigid3d> cam_from_view;
     if (cam_from_odom && odom_from_pano && matched.placed) {

@@ -1,5 +1,5 @@
 // Corners of a tag that a rolling shutter has seen while it moved past.
-#include "app/pipeline/rolling_tags.h"
+#include "eval/evidence/rolling_tags.h"
 
 #include <gtest/gtest.h>
 

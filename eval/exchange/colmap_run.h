@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/export.h"
 #include "calib/base/option.h"
 #include "datasets/io/views.h"
 #include "datasets/project/child_process.h"
+#include "eval/exchange/scene.h"
 
 namespace trigpoint {
 

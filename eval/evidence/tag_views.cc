@@ -1,4 +1,4 @@
-#include "app/pipeline/tag_views.h"
+#include "eval/evidence/tag_views.h"
 
 #include <map>
 

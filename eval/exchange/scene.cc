@@ -1,4 +1,5 @@
-// Results as scenes: models, point clouds, graphs.
+#include "eval/exchange/scene.h"
+
 #include <fmt/format.h>
 
 #include <Eigen/LU>
@@ -6,15 +7,13 @@
 #include <cmath>
 #include <map>
 
-#include "app/pipeline/export.h"
-#include "app/pipeline/inspect.h"
-#include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "datasets/export/scene_files.h"
 #include "datasets/project/files.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
+#include "eval/inspect/run_inspector.h"
 #include "localize/reconstruct/feature_store.h"
 
 namespace trigpoint {
@@ -176,7 +175,7 @@ RunScene ReadRunScene(const Project& project, const std::string& run, const std:
                       const std::string& frame) {
   RunScene scene;
   scene.run = project.run(run).name;
-  const fs::path dir = ResultOf(project, "localize", {run, variant});
+  const fs::path dir = project.ResultDir("localize", ResultNameOf(run, variant));
   if (!fs::exists(dir / kSolutionFile)) {
     if (const std::string older = OlderLocalization(project, run, variant); !older.empty()) throw InputError(older);
     throw InputError("run " + run + ": not localized yet" + (variant.empty() ? "" : " in variant " + variant) +
@@ -197,7 +196,7 @@ RunScene ReadRunScene(const Project& project, const std::string& run, const std:
     }
     for (ModelPoint& point : scene.model.points) point.position = world_from_odom * point.position;
   }
-  scene.features = ResultOf(project, "features", {run, "", nlohmann::json::object()}) / kFeaturesFile;
+  scene.features = project.ResultDir("features", run) / kFeaturesFile;
   return scene;
 }
 

@@ -1,12 +1,12 @@
-// Results as layers of a map.
+#include "eval/exchange/layers.h"
+
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <map>
 
-#include "app/pipeline/export.h"
-#include "app/pipeline/stages.h"
 #include "datasets/io/credits.h"
 #include "datasets/io/csv.h"
 #include "eval/errors/evaluate.h"
@@ -162,38 +162,10 @@ void AddEllipse(Sources* s, const LocalFrame& enu, const std::string& layer, con
   s->ellipses.features.push_back(std::move(feature));
 }
 
-void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
-  const auto columns = [](const CsvRow& row) {
-    return Eigen::Vector3d(row.Number("x"), row.Number("y"), row.Number("z"));
-  };
-  const LocalFrame enu = FrameOfResult(s->project, "localize", {run, s->request.variant});
-  const LocalizeResult result = ReadLocalizeResult(dir);
-  for (const PanoramaResult& p : result.panoramas) {
-    if (!p.world_from_pano) continue;
-    AddEllipse(s, enu, "panoramas", run, p.panorama, *p.world_from_pano, p.covariance_m2, p.sigma_m);
-  }
-  for (const CameraResult& c : result.images) {
-    if (!c.world_from_cam) continue;
-    AddEllipse(s, enu, "cameras", run, c.image, *c.world_from_cam, c.covariance_m2, c.sigma_m);
-  }
-  const CsvTable panoramas = CsvTable::Read(dir / "panoramas.csv", {"panorama", "status"});
-  for (const CsvRow& row : panoramas.rows()) {
-    LayerFeature feature;
-    feature.name = row.Text("panorama");
-    feature.values = {run};
-    AppendCells(row, s->panoramas.fields, 1, &feature.values);
-    PutCredit(s->credits, feature.name, &feature.values);
-    if (row.Has("x") && row.Has("latitude_deg")) {
-      const Eigen::Vector3d at = columns(row);
-      feature.geometry = {enu.GeodeticFromEnu(at)};
-      if (row.Has("geotag_de_m") && row.Has("geotag_dn_m")) {
-        AddResidual(
-            s, enu, run, feature.name, "geotag minus estimate (" + row.Text("geotag_status") + ")", at,
-            at + Eigen::Vector3d(row.Number("geotag_de_m"), row.Number("geotag_dn_m"), row.Number("geotag_du_m", 0)));
-      }
-    }
-    s->panoramas.features.push_back(std::move(feature));
-  }
+Eigen::Vector3d PlaceIn(const CsvRow& row) { return {row.Number("x"), row.Number("y"), row.Number("z")}; }
+
+// The images of a run and the paths of its cameras.
+void AddCameras(Sources* s, const LocalFrame& enu, const std::string& run, const fs::path& dir) {
   const RunConfig& config = s->project.run(run).config;
   std::map<std::string, LayerFeature> tracks;
   const CsvTable cameras = CsvTable::Read(dir / "cameras.csv", {"timestamp", "image", "camera", "x", "y", "z"});
@@ -202,7 +174,7 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
     feature.name = row.Text("image");
     feature.values = {run};
     AppendCells(row, s->cameras.fields, 1, &feature.values);
-    const Eigen::Vector3d at = columns(row);
+    const Eigen::Vector3d at = PlaceIn(row);
     feature.geometry = {enu.GeodeticFromEnu(at)};
     LayerFeature& track = tracks[row.Text("camera")];
     track.geometry.push_back(feature.geometry.front());
@@ -222,6 +194,38 @@ void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
     track.values = {run, camera, static_cast<int64_t>(track.geometry.size()), length};
     s->trajectories.features.push_back(std::move(track));
   }
+}
+
+void AddRun(Sources* s, const std::string& run, const fs::path& dir) {
+  const LocalFrame enu = FrameOfResult(s->project, "localize", ResultNameOf(run, s->request.variant));
+  const LocalizeResult result = ReadLocalizeResult(dir);
+  for (const PanoramaResult& p : result.panoramas) {
+    if (!p.world_from_pano) continue;
+    AddEllipse(s, enu, "panoramas", run, p.panorama, *p.world_from_pano, p.covariance_m2, p.sigma_m);
+  }
+  for (const CameraResult& c : result.images) {
+    if (!c.world_from_cam) continue;
+    AddEllipse(s, enu, "cameras", run, c.image, *c.world_from_cam, c.covariance_m2, c.sigma_m);
+  }
+  const CsvTable panoramas = CsvTable::Read(dir / "panoramas.csv", {"panorama", "status"});
+  for (const CsvRow& row : panoramas.rows()) {
+    LayerFeature feature;
+    feature.name = row.Text("panorama");
+    feature.values = {run};
+    AppendCells(row, s->panoramas.fields, 1, &feature.values);
+    PutCredit(s->credits, feature.name, &feature.values);
+    if (row.Has("x") && row.Has("latitude_deg")) {
+      const Eigen::Vector3d at = PlaceIn(row);
+      feature.geometry = {enu.GeodeticFromEnu(at)};
+      if (row.Has("geotag_de_m") && row.Has("geotag_dn_m")) {
+        AddResidual(
+            s, enu, run, feature.name, "geotag minus estimate (" + row.Text("geotag_status") + ")", at,
+            at + Eigen::Vector3d(row.Number("geotag_de_m"), row.Number("geotag_dn_m"), row.Number("geotag_du_m", 0)));
+      }
+    }
+    s->panoramas.features.push_back(std::move(feature));
+  }
+  AddCameras(s, enu, run, dir);
 }
 
 // Control or check points of the survey where they were surveyed, with how the map differs.
@@ -244,7 +248,7 @@ void AddSurveyed(Sources* s, const LocalFrame& enu, const fs::path& dir, Layer* 
 }
 
 void AddTags(Sources* s, const fs::path& dir, std::vector<std::string>* warnings) {
-  const LocalFrame enu = FrameOfResult(s->project, "survey", {"", s->request.variant});
+  const LocalFrame enu = FrameOfResult(s->project, "survey", ResultNameOf("", s->request.variant));
   WarnOfOtherOrigin(s->project, enu, "tag map (x_m, y_m, z_m of tags; positions on the Earth are right)", warnings);
   std::map<int, Rigid3d> world_from_tag;
   for (const TagResult& tag : ReadTagResults(dir / "tags.csv", dir / "tags_cov.csv")) {
@@ -292,7 +296,7 @@ void AddTags(Sources* s, const fs::path& dir, std::vector<std::string>* warnings
 }
 
 void AddErrors(Sources* s, const fs::path& errors_csv) {
-  const LocalFrame enu = FrameOfResult(s->project, "evaluate", {"", s->request.variant});
+  const LocalFrame enu = FrameOfResult(s->project, "evaluate", ResultNameOf("", s->request.variant));
   std::map<std::pair<std::string, std::string>, Geodetic> places;
   for (const LayerFeature& f : s->panoramas.features) {
     if (!f.geometry.empty()) places[{std::get<std::string>(f.values[0]), f.name}] = f.geometry.front();
@@ -310,13 +314,7 @@ void AddErrors(Sources* s, const fs::path& errors_csv) {
   }
 }
 
-}  // namespace
-
-std::vector<Layer> MapLayers(const Project& project, const ExportRequest& request, std::vector<std::string>* warnings) {
-  if (!project.has_frame()) {
-    throw InputError(project.dir().string() +
-                     ": is not georeferenced; add origin.json, or panoramas, control points or GPS with positions");
-  }
+Sources EmptyLayers(const Project& project, const ExportRequest& request) {
   Sources s{.project = project, .request = request, .credits = ReadCredits(project.dir())};
   s.tags = TagLayer();
   s.stations = {"stations", "panorama stations as measured from their tags",    LayerGeometry::kPoint,
@@ -351,19 +349,36 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
       "#e377c2",
       {Text("run"), Text("kind"), Real("de_m"), Real("dn_m"), Real("du_m"), Real("horizontal_m"), Real("length_m")},
       {}};
-  const std::vector<std::string> runs = request.runs.empty() ? project.RunNames() : request.runs;
+  return s;
+}
+
+void AddRuns(Sources* s, std::vector<std::string>* warnings) {
+  const Project& project = s->project;
+  const std::vector<std::string> runs = s->request.runs.empty() ? project.RunNames() : s->request.runs;
   for (const std::string& run : runs) {
     if (project.site().broken_runs.count(run) == 0) project.run(run);  // throws naming the nearest one
-    const fs::path dir = ResultOf(project, "localize", {run, request.variant});
+    const fs::path dir = project.ResultDir("localize", ResultNameOf(run, s->request.variant));
     if (!fs::exists(dir / "panoramas.csv")) {
       warnings->push_back("run " + run + " is left out: not localized yet (trigpoint localize)");
     } else if (!fs::exists(dir / "cameras.csv")) {
       warnings->push_back("run " + run + " is left out: it is not georeferenced (see its log.txt)");
     } else {
-      AddRun(&s, run, dir);
+      AddRun(s, run, dir);
     }
   }
-  const fs::path survey = project.ResultDir("survey", request.variant.empty() ? "" : "@" + request.variant);
+}
+
+}  // namespace
+
+std::vector<Layer> MapLayers(const Project& project, const ExportRequest& request, std::vector<std::string>* warnings) {
+  if (!project.has_frame()) {
+    throw InputError(project.dir().string() +
+                     ": is not georeferenced; add origin.json, or panoramas, control points or GPS with positions");
+  }
+  Sources s = EmptyLayers(project, request);
+  AddRuns(&s, warnings);
+  const std::string of_all = ResultNameOf("", request.variant);
+  const fs::path survey = project.ResultDir("survey", of_all);
   if (fs::exists(survey / "tags.csv")) {
     if (const std::string frame = TagMapFrame(survey / "tags.csv"); frame.empty() || frame == "enu") {
       AddTags(&s, survey, warnings);
@@ -375,8 +390,7 @@ std::vector<Layer> MapLayers(const Project& project, const ExportRequest& reques
   } else if (!project.site().stations.empty() || !project.site().control_points.empty()) {
     warnings->push_back("no tags and stations: there is no tag map yet (trigpoint survey)");
   }
-  const fs::path errors =
-      project.ResultDir("evaluate", request.variant.empty() ? "" : "@" + request.variant) / "errors.csv";
+  const fs::path errors = project.ResultDir("evaluate", of_all) / "errors.csv";
   if (fs::exists(errors)) AddErrors(&s, errors);
   std::vector<Layer> layers;
   for (Layer* layer : s.All()) {

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "app/pipeline/localize_files.h"
 #include "app/pipeline/stages.h"
+#include "datasets/project/stage.h"
 #include "eval/errors/evaluate.h"
 #include "localize/files/job.h"
 #include "localize/reconstruct/reconstruct.h"
@@ -25,16 +27,16 @@ struct UseOptionsOfWorld {
 
 // Stages and files that a result of localize reads because of it.
 std::vector<std::string> StagesForWorld(const UseOptionsOfWorld& options);
-void AddWorldInputs(const Project& project, const StageTarget& target, const UseOptionsOfWorld& options,
-                    StageRequest* request);
+void AddWorldInputs(const Project& project, const std::string& run, const std::string& variant,
+                    const UseOptionsOfWorld& options, StageRequest* request);
 
 // What was measured around one run, as read from the project; its tags begin where the run's own images show them.
 class WorldSources {
  public:
   // `all_tags`: those that neither map nor control point places, too, where they were detected; they may link runs.
   // Throws InputError for what is asked for and not there.
-  WorldSources(const Project& project, const StageTarget& target, const UseOptionsOfWorld& options,
-               const LocalizeJob& job, bool all_tags = false);
+  WorldSources(const Project& project, const std::string& run, const std::string& variant,
+               const UseOptionsOfWorld& options, const LocalizeJob& job, bool all_tags = false);
   // The tags as images of the run show them, with where map and control points place them. body_from_odom: the run's.
   std::vector<WorldTag> TagsOf(const std::vector<Rigid3d>& body_from_odom, int threads, ProgressSink& progress,
                                const CancelToken& cancel) const;
@@ -52,7 +54,7 @@ class WorldSources {
   const TagResult* InMap(int tag_id) const;  // null: it is not in the map, or without covariance
   void ReadMap(const Project& project, const std::string& name);
   void ReadControl(const Project& project);
-  void ReadImages(const Project& project, const StageTarget& target);
+  void ReadImages(const Project& project);
   std::vector<TagView> ViewsOf(const std::vector<Rigid3d>& body_from_odom) const;
 
   std::string run_;
