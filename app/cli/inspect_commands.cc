@@ -5,9 +5,10 @@
 
 #include "app/cli/command.h"
 #include "app/pipeline/inspect.h"
-#include "app/pipeline/marking.h"
 #include "datasets/io/kept_input.h"
 #include "datasets/io/text.h"
+#include "datasets/project/marking.h"
+#include "eval/truth/marked_point.h"
 
 namespace trigpoint {
 namespace {

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "app/pipeline/image_motion.h"
-#include "app/pipeline/marking.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reviewed.h"
 #include "app/pipeline/rolling_tags.h"
@@ -21,6 +20,7 @@
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
+#include "datasets/project/marking.h"
 #include "survey/tags/control.h"
 #include "survey/tags/tie_points.h"
 
