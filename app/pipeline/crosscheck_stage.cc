@@ -11,7 +11,7 @@
 #include "app/pipeline/crosscheck_colmap.h"
 #include "app/pipeline/crosscheck_figures.h"
 #include "app/pipeline/crosscheck_panoramas.h"
-#include "app/pipeline/reference_parts.h"
+#include "app/pipeline/drawn_views.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/solution/solution_covariance.h"

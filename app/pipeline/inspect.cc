@@ -9,7 +9,8 @@
 #include <set>
 
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/reference_parts.h"
+#include "app/pipeline/drawn_views.h"
+#include "datasets/project/reference_parts.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"

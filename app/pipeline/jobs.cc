@@ -4,7 +4,7 @@
 #include <set>
 
 #include "app/pipeline/gates_stage.h"
-#include "app/pipeline/reference_parts.h"
+#include "datasets/project/reference_parts.h"
 #include "app/pipeline/single_job.h"
 #include "app/pipeline/tags_wanted.h"
 #include "datasets/project/files.h"
