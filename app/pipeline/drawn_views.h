@@ -1,8 +1,8 @@
 // The views of panoramas as the stage `references` drew them.
 #pragma once
 
-#include "datasets/project/project.h"
 #include "datasets/io/views.h"
+#include "datasets/project/project.h"
 
 namespace trigpoint {
 

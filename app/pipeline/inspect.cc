@@ -10,12 +10,12 @@
 
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/drawn_views.h"
-#include "datasets/project/reference_parts.h"
 #include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/reference_parts.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
 #include "eval/errors/results.h"

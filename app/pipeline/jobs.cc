@@ -4,12 +4,12 @@
 #include <set>
 
 #include "app/pipeline/gates_stage.h"
-#include "datasets/project/reference_parts.h"
 #include "app/pipeline/single_job.h"
 #include "app/pipeline/tags_wanted.h"
 #include "datasets/project/files.h"
 #include "datasets/project/forked.h"
 #include "datasets/project/manifest.h"
+#include "datasets/project/reference_parts.h"
 namespace trigpoint {
 
 namespace fs = std::filesystem;

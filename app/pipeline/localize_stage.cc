@@ -4,11 +4,10 @@
 #include <functional>
 #include <set>
 
+#include "app/pipeline/drawn_views.h"
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/localize_files.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "app/pipeline/drawn_views.h"
-#include "datasets/project/reference_parts.h"
 #include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/world_evidence.h"
@@ -18,9 +17,11 @@
 #include "datasets/io/credits.h"
 #include "datasets/io/source_quality.h"
 #include "datasets/io/time_check.h"
+#include "datasets/project/reference_parts.h"
 #include "datasets/solution/covariance_tables.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
+#include "localize/reconstruct/kept_features.h"
 #include "localize/run_solution.h"
 
 namespace trigpoint {

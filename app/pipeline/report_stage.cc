@@ -7,9 +7,9 @@
 #include <set>
 
 #include "app/pipeline/drawing_memory.h"
+#include "app/pipeline/drawn_views.h"
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/jobs.h"
-#include "app/pipeline/drawn_views.h"
 #include "app/pipeline/tags_wanted.h"
 #include "calib/base/counted.h"
 #include "calib/base/parallel.h"
