@@ -3,7 +3,7 @@
 
 #include "app/cli/command.h"
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/reviewed.h"
+#include "eval/errors/changed_errors.h"
 #include "datasets/project/files.h"
 #include "eval/text/method_name.h"
 

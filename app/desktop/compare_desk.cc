@@ -21,7 +21,7 @@
 #include "app/desktop/report_text.h"
 #include "app/desktop/scene_desk.h"
 #include "app/desktop/views_box.h"
-#include "app/pipeline/reviewed.h"
+#include "eval/errors/changed_errors.h"
 #include "eval/errors/compare.h"
 #include "eval/release/compared.h"
 #include "eval/text/display_unit.h"

@@ -19,7 +19,8 @@
 #include "app/desktop/report_text.h"
 #include "app/desktop/run_desk.h"
 #include "app/desktop/views_box.h"
-#include "app/pipeline/reviewed.h"
+#include "app/pipeline/jobs.h"
+#include "eval/errors/changed_errors.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {

@@ -8,7 +8,7 @@
 
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/measured_offsets.h"
-#include "app/pipeline/reviewed.h"
+#include "survey/tags/excluded_detections.h"
 #include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/tag_views.h"

@@ -172,6 +172,16 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
   return jobs;
 }
 
+JobQuery ReviewQuery(const std::string& variant) {
+  JobQuery query;
+  for (const StageInfo& stage : Stages()) {
+    // A decision does not ask for a first result.
+    if (!stage.reviewed.empty() && !stage.first_on_request) query.stages.push_back(stage.name);
+  }
+  query.variants = {variant};
+  return query;
+}
+
 std::string_view JobEndName(JobEnd end) {
   switch (end) {
     case JobEnd::kComputed: return "computed";

@@ -29,6 +29,9 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query);
 // The first set of results, the variants of trigpoint.yaml, and those that are in the results folder.
 std::vector<std::string> KnownVariants(const Project& project);
 
+// What makes every result anew that rests on the review.
+JobQuery ReviewQuery(const std::string& variant);
+
 enum class JobEnd { kComputed, kUpToDate, kNotNeeded, kSkipped, kFailed };
 // "computed", "up to date", "not needed", "skipped", "failed".
 std::string_view JobEndName(JobEnd end);

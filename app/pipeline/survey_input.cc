@@ -10,7 +10,7 @@
 
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "app/pipeline/reviewed.h"
+#include "survey/tags/excluded_detections.h"
 #include "app/pipeline/rolling_tags.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <sstream>
 
-#include "app/pipeline/reviewed.h"
+#include "survey/tags/excluded_detections.h"
 #include "app/pipeline/rolling_tags.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"

@@ -1,4 +1,4 @@
-#include "app/pipeline/reviewed.h"
+#include "eval/errors/changed_errors.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,14 +10,6 @@
 namespace trigpoint {
 
 namespace fs = std::filesystem;
-
-void LeaveOutExcluded(const Review& review, const std::string& run, std::vector<ImageDetections>& images) {
-  for (ImageDetections& image : images) {
-    std::erase_if(image.detections, [&](const TagDetection& tag) {
-      return review.ExcludesDetection(run, image.image, image.stamp_ns, tag.id);
-    });
-  }
-}
 
 bool ReviewedError::WithinSigma() const {
   return status_before == status_after && before_m && after_m && sigma_m && std::abs(*before_m - *after_m) <= *sigma_m;
@@ -55,26 +47,15 @@ std::vector<ReviewedError> ChangedErrors(const std::vector<ErrorRow>& before, co
   return changed;
 }
 
-JobQuery ReviewQuery(const std::string& variant) {
-  JobQuery query;
-  for (const StageInfo& stage : Stages()) {
-    // A decision does not ask for a first result.
-    if (!stage.reviewed.empty() && !stage.first_on_request) query.stages.push_back(stage.name);
-  }
-  query.variants = {variant};
-  return query;
-}
-
 std::vector<ErrorRow> ErrorsOf(const Project& project, const std::string& variant) {
-  StageTarget target;
-  target.variant = variant;
+  const std::string at = variant.empty() ? "" : "@" + variant;
   std::vector<ErrorRow> rows;
-  const fs::path errors = ResultOf(project, "evaluate", target) / "errors.csv";
+  const fs::path errors = project.ResultDir("evaluate", at) / "errors.csv";
   try {
     if (fs::exists(errors)) rows = ReadErrors(errors);
   } catch (const InputError&) {  // of another version: nothing to compare with
   }
-  const fs::path map = ResultOf(project, "survey", target) / "summary.json";
+  const fs::path map = project.ResultDir("survey", at) / "summary.json";
   if (!fs::exists(map)) return rows;
   const nlohmann::json summary = nlohmann::json::parse(ReadTextFile(map), nullptr, false);
   if (!summary.is_object() || !summary.contains("points")) return rows;
