@@ -3,8 +3,8 @@
 
 #include "app/cli/command.h"
 #include "app/pipeline/command_line.h"
-#include "eval/errors/changed_errors.h"
 #include "datasets/project/files.h"
+#include "eval/errors/changed_errors.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {

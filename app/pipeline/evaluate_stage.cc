@@ -8,7 +8,6 @@
 
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/measured_offsets.h"
-#include "survey/tags/excluded_detections.h"
 #include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/tag_views.h"
@@ -24,6 +23,7 @@
 #include "eval/gates/limits.h"
 #include "eval/trajectory/score_estimates.h"
 #include "eval/truth/truth.h"
+#include "survey/tags/excluded_detections.h"
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_shape.h"
 

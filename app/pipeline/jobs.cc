@@ -110,17 +110,32 @@ std::string Job::Title() const {
   return name.empty() || name.front() == '@' ? stage->name + name : stage->name + "/" + name;
 }
 
+uint64_t SeedOf(const Project& project, const std::vector<Job>& jobs) {
+  for (const Job& job : jobs) {
+    if (const auto manifest = ReadManifest(project, job.stage->name, ResultName(*job.stage, job.target)))
+      return manifest->value("seed", uint64_t{1});
+  }
+  return 1;
+}
+
+std::set<std::string> ResultsIn(const fs::path& folder) {
+  std::set<std::string> names;
+  std::error_code ignored;
+  for (fs::directory_iterator it(folder, ignored), end; it != end; it.increment(ignored)) {
+    std::string name = it->path().filename().string();
+    if (name.front() != '.') names.insert(std::move(name));
+  }
+  return names;
+}
+
 std::vector<std::string> KnownVariants(const Project& project) {
   std::set<std::string> variants = {""};
   for (const auto& [name, stages] : project.variants().items()) variants.insert(name);
   for (const StageInfo& stage : Stages()) {
     if (!stage.variants) continue;
-    std::error_code ignored;
-    const fs::path folder = stage.per_run ? project.results() / stage.name : project.results();
-    for (fs::directory_iterator it(folder, ignored), end; it != end; it.increment(ignored)) {
-      const std::string name = it->path().filename().string();
+    for (const std::string& name : ResultsIn(stage.per_run ? project.results() / stage.name : project.results())) {
       const size_t at = name.find('@');
-      if (at == std::string::npos || name.front() == '.') continue;
+      if (at == std::string::npos) continue;
       if (stage.per_run || name.substr(0, at) == stage.name) variants.insert(name.substr(at + 1));
     }
   }

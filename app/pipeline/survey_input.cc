@@ -10,7 +10,6 @@
 
 #include "app/pipeline/image_motion.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "survey/tags/excluded_detections.h"
 #include "app/pipeline/rolling_tags.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
@@ -22,6 +21,7 @@
 #include "datasets/io/text.h"
 #include "datasets/project/marking.h"
 #include "survey/tags/control.h"
+#include "survey/tags/excluded_detections.h"
 #include "survey/tags/tie_points.h"
 
 namespace trigpoint {

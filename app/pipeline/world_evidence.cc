@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <sstream>
 
-#include "survey/tags/excluded_detections.h"
 #include "app/pipeline/rolling_tags.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 #include "eval/errors/reference_maps.h"
+#include "survey/tags/excluded_detections.h"
 
 namespace trigpoint {
 namespace {

@@ -5,6 +5,7 @@
 #include <map>
 #include <tuple>
 
+#include "calib/base/error.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
