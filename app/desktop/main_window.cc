@@ -45,7 +45,7 @@
 #include "app/desktop/site_tree.h"
 #include "app/desktop/station_card.h"
 #include "app/desktop/tables_desk.h"
-#include "app/pipeline/demo_site.h"
+#include "datasets/project/demo_site.h"
 #include "datasets/project/project.h"
 
 namespace trigpoint {
