@@ -12,6 +12,7 @@
 #include "datasets/import/made_files.h"
 #include "datasets/import/phone_files.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/exiv2_lock.h"
 #include "datasets/io/text.h"
 
 #ifdef TRIGPOINT_HAVE_HEIF
@@ -42,6 +43,7 @@ std::string JpegOf(const fs::path& file, ImportReport* report) {
   const cv::Mat picture = ReadHeic(file, &exif);
   std::vector<uchar> bytes;
   cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
+  const auto lock = LockExiv2();
   const auto image = Exiv2::ImageFactory::open(bytes.data(), static_cast<long>(bytes.size()));
   image->readMetadata();
   if (exif.empty()) {
