@@ -338,8 +338,7 @@ void WriteDatasetOdometry(Dataset dataset, const fs::path& file, const fs::path&
 }  // namespace
 
 bool IsInsta360File(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = LowerExtension(file);
   return ending == ".insv" || ending == ".insp";
 }
 

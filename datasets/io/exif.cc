@@ -185,13 +185,6 @@ void ReadMapillary(const std::string& description, PhotoMetadata* metadata) {
   }
 }
 
-std::string LowerExtension(const std::filesystem::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
-
 }  // namespace
 
 PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {

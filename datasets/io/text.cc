@@ -59,6 +59,15 @@ std::string_view Trim(std::string_view text) {
   return text.substr(first, text.find_last_not_of(kSpace) - first + 1);
 }
 
+std::string LowerCase(std::string text) {
+  for (char& c : text) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return text;
+}
+
+std::string LowerExtension(const std::filesystem::path& file) { return LowerCase(file.extension().string()); }
+
 std::vector<std::string_view> SplitFields(std::string_view text) {
   std::vector<std::string_view> fields;
   for (size_t at = text.find_first_not_of(kSpace); at != std::string_view::npos;) {

@@ -14,6 +14,8 @@ namespace trigpoint {
 
 // Without surrounding spaces, tabs and line ends.
 std::string_view Trim(std::string_view text);
+std::string LowerCase(std::string text);                           // of ASCII letters
+std::string LowerExtension(const std::filesystem::path& file);     // ".jpg"
 std::vector<std::string_view> SplitFields(std::string_view text);  // at runs of spaces and tabs
 
 // A whole field as a number, dot decimal whatever the locale says; nothing if anything else stands there.

@@ -6,7 +6,7 @@
 #include <tuple>
 
 #include "calib/base/error.h"
-#include "datasets/io/text.h"
+#include "datasets/project/files.h"
 
 namespace trigpoint {
 
@@ -56,10 +56,8 @@ std::vector<ErrorRow> ErrorsOf(const Project& project, const std::string& varian
     if (fs::exists(errors)) rows = ReadErrors(errors);
   } catch (const InputError&) {  // of another version: nothing to compare with
   }
-  const fs::path map = project.ResultDir("survey", at) / "summary.json";
-  if (!fs::exists(map)) return rows;
-  const nlohmann::json summary = nlohmann::json::parse(ReadTextFile(map), nullptr, false);
-  if (!summary.is_object() || !summary.contains("points")) return rows;
+  const nlohmann::json summary = ReadJsonOrNothing(project.ResultDir("survey", at) / "summary.json");
+  if (!summary.contains("points")) return rows;
   for (const nlohmann::json& point : summary.at("points")) {
     ErrorRow row;
     row.reference = "survey";

@@ -1,7 +1,6 @@
 #include "eval/release/content.h"
 
 #include <algorithm>
-#include <cctype>
 #include <map>
 
 #include "datasets/io/credits.h"
@@ -23,10 +22,7 @@ namespace {
 constexpr uintmax_t kLargestTable = 100'000'000;  // bytes of an input that is always copied
 
 bool HasExtension(const fs::path& file, const std::vector<std::string>& extensions) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return std::find(extensions.begin(), extensions.end(), extension) != extensions.end();
+  return std::find(extensions.begin(), extensions.end(), LowerExtension(file)) != extensions.end();
 }
 
 // Large or private to the computation: features, sparse models, overlays. Their hashes are in the record.
