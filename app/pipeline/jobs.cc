@@ -77,11 +77,15 @@ void KeepGiven(const Project& project, Job* job) {
   job->target.overrides = std::move(given);
 }
 
+bool Asks(const JobQuery& query, const std::string& stage) {
+  return std::find(query.stages.begin(), query.stages.end(), stage) != query.stages.end();
+}
+
 // The results of a stage that a target of the query comes down to: those that the stages behind it read.
 std::vector<StageTarget> WantedTargets(const Project& project, const StageInfo& stage, const StageTarget& target,
                                        const JobQuery& query, const std::set<std::string>& wanted) {
   std::vector<StageTarget> targets;
-  const bool asked = std::find(query.stages.begin(), query.stages.end(), stage.name) != query.stages.end();
+  const bool asked = Asks(query, stage.name);
   for (const StageInfo& reader : Stages()) {
     if (asked || !stage.read_as || wanted.count(reader.name) == 0 || !NeedsStage(project, reader, target, stage.name))
       continue;
@@ -153,8 +157,7 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
   // What is for all runs (the survey) and only needed on the way wants all of them, whichever run was asked for.
   const auto for_all_runs = [&](const StageInfo& stage) {
     return std::any_of(Stages().begin(), Stages().end(), [&](const StageInfo& other) {
-      const bool asked = std::find(query.stages.begin(), query.stages.end(), other.name) != query.stages.end();
-      return !other.per_run && !asked && !query.stages.empty() && wanted.count(other.name) > 0 &&
+      return !other.per_run && !Asks(query, other.name) && !query.stages.empty() && wanted.count(other.name) > 0 &&
              NeedsStage(project, other, {"", query.variants.front(), query.overrides}, stage.name);
     });
   };
@@ -163,7 +166,7 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     if (wanted.count(stage.name) == 0) continue;
     const std::vector<std::string> variants = stage.variants ? query.variants : std::vector<std::string>{""};
     const std::vector<std::string>& its_runs = for_all_runs(stage) ? there : runs;
-    const bool asked = std::find(query.stages.begin(), query.stages.end(), stage.name) != query.stages.end();
+    const bool asked = Asks(query, stage.name);
     const std::vector<std::string> names = stage.per_run ? its_runs : std::vector<std::string>{""};
     for (const std::string& variant : variants) {
       for (const std::string& run : names) {

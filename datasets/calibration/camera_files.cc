@@ -22,12 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string Comments(const std::vector<std::string>& comments) {
-  std::string text;
-  for (const std::string& comment : comments) text += "# " + comment + "\n";
-  return text;
-}
-
 BodyCamera Named(const std::string& name, Camera camera) {
   BodyCamera body;
   body.name = name;
@@ -490,7 +484,7 @@ void WriteOpenCvCamera(const fs::path& file, const BodyCamera& camera, const std
            "\n   cols: " + std::to_string(cols) + "\n   dt: d\n   data: " + YamlList(data) + "\n";
   };
   const std::vector<double> d = CoefficientsOf(camera.camera);
-  WriteFileAtomically(file, "%YAML:1.0\n---\n" + Comments(comments) +
+  WriteFileAtomically(file, "%YAML:1.0\n---\n" + CommentLines(comments) +
                                 "image_width: " + std::to_string(camera.camera.width()) +
                                 "\nimage_height: " + std::to_string(camera.camera.height()) + "\ncamera_name: \"" +
                                 camera.name + "\"\ndistortion_model: \"" + RosModel(file, camera.camera) + "\"\n" +
@@ -505,7 +499,7 @@ void WriteRosCameraInfo(const fs::path& file, const BodyCamera& camera, const st
   };
   const std::vector<double>& p = camera.camera.params();
   const std::vector<double> d = CoefficientsOf(camera.camera);
-  WriteFileAtomically(file, Comments(comments) + "image_width: " + std::to_string(camera.camera.width()) +
+  WriteFileAtomically(file, CommentLines(comments) + "image_width: " + std::to_string(camera.camera.width()) +
                                 "\nimage_height: " + std::to_string(camera.camera.height()) + "\ncamera_name: " +
                                 camera.name + "\n" + matrix("camera_matrix", 3, 3, MatrixOf(camera.camera)) +
                                 "distortion_model: " + RosModel(file, camera.camera) + "\n" +
@@ -516,7 +510,7 @@ void WriteRosCameraInfo(const fs::path& file, const BodyCamera& camera, const st
 
 void WriteColmapCameras(const fs::path& file, const std::vector<BodyCamera>& cameras,
                         const std::vector<std::string>& comments) {
-  std::string text = Comments(comments) + "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]; pixel centres at 0.5\n";
+  std::string text = CommentLines(comments) + "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]; pixel centres at 0.5\n";
   int id = 0;
   for (const BodyCamera& camera : cameras) {
     const ColmapCamera colmap = ToColmap(camera.camera);

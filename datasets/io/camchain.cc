@@ -207,8 +207,7 @@ void TakeLenses(const std::vector<BodyCamera>& from, std::vector<BodyCamera>* ca
 
 void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,
                    const std::vector<std::string>& comments) {
-  std::string text;
-  for (const std::string& comment : comments) text += "# " + comment + "\n";
+  std::string text = CommentLines(comments);
   const BodyCamera* before = nullptr;
   for (const BodyCamera& camera : cameras) {
     if (camera.IsFurtherView()) continue;

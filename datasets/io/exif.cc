@@ -187,11 +187,16 @@ void ReadMapillary(const std::string& description, PhotoMetadata* metadata) {
 
 }  // namespace
 
-PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {
+uintmax_t PictureFileSize(const std::filesystem::path& file) {
   std::error_code error;
   const auto size = std::filesystem::file_size(file, error);
   if (error) throw InputError(file.string() + ": there is no such picture");
   if (size == 0) throw InputError(file.string() + ": the picture is empty (0 bytes)");
+  return size;
+}
+
+PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {
+  PictureFileSize(file);
   const auto lock = LockExiv2();
   PhotoMetadata metadata;
   try {

@@ -66,6 +66,12 @@ std::string LowerCase(std::string text) {
   return text;
 }
 
+std::string CommentLines(const std::vector<std::string>& comments) {
+  std::string text;
+  for (const std::string& comment : comments) text += "# " + comment + "\n";
+  return text;
+}
+
 std::string LowerExtension(const std::filesystem::path& file) { return LowerCase(file.extension().string()); }
 
 std::vector<std::string_view> SplitFields(std::string_view text) {

@@ -28,6 +28,8 @@ std::optional<int64_t> ParseUtcToNs(std::string_view text);
 // The candidate most like `name` (edit distance), or "" if there are none.
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates);
 
+std::string CommentLines(const std::vector<std::string>& comments);  // each behind "# "
+
 // "path:line", as every message begins.
 std::string FileLine(const std::filesystem::path& file, int line);
 
