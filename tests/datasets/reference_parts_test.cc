@@ -3,6 +3,11 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <string>
+#include <vector>
+
+#include "calib/base/error.h"
+
 namespace trigpoint {
 namespace {
 
