@@ -150,6 +150,11 @@ std::string NearestName(std::string_view name, const std::vector<std::string>& c
   return best;
 }
 
+std::string NearestHint(std::string_view name, const std::vector<std::string>& candidates, const std::string& nearest) {
+  const std::string found = NearestName(name, candidates);
+  return found.empty() ? "" : "; " + nearest + ": '" + found + "'";
+}
+
 std::string FileLine(const std::filesystem::path& file, int line) { return file.string() + ":" + std::to_string(line); }
 
 std::filesystem::path ResolveInside(const std::filesystem::path& root, const std::filesystem::path& base,

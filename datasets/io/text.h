@@ -27,6 +27,9 @@ std::optional<int64_t> ParseUtcToNs(std::string_view text);
 
 // The candidate most like `name` (edit distance), or "" if there are none.
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates);
+// "; nearest: 'x'" for the end of a message, or "" if there are none.
+std::string NearestHint(std::string_view name, const std::vector<std::string>& candidates,
+                        const std::string& nearest = "nearest");
 
 std::string CommentLines(const std::vector<std::string>& comments);  // each behind "# "
 

@@ -40,8 +40,7 @@ NamedImage FindImage(const Project& project, const std::string& text) {
     if (image.image == text || image.run->name + "/" + image.entry->file == text) return image;
     names.push_back(image.run->name + "/" + image.entry->file);
   }
-  const std::string nearest = NearestName(text, names);
-  throw InputError("there is no image '" + text + "'" + (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
+  throw InputError("there is no image '" + text + "'" + NearestHint(text, names));
 }
 
 // Below the project; `named` itself where it is no image of a run.

@@ -384,9 +384,8 @@ void KeepListedRuns(const std::vector<std::string>& runs, const std::vector<std:
 void RequireRun(const std::string& run, const std::string& key, const std::vector<std::string>& there,
                 const fs::path& dir) {
   if (std::find(there.begin(), there.end(), run) != there.end()) return;
-  const std::string nearest = NearestName(run, there);
   throw InputError((dir / kProjectFile).string() + ": key '" + key + "': there is no run '" + run + "' below runs/" +
-                   (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
+                   NearestHint(run, there));
 }
 
 void TakeControlRoles(const Review& review, Site* site) {
@@ -528,9 +527,7 @@ const Run& Project::run(const std::string& name) const {
   if (const auto broken = site_.broken_runs.find(name); broken != site_.broken_runs.end()) {
     throw InputError(broken->second);
   }
-  const std::string nearest = NearestName(name, RunNames());
-  throw InputError("project " + dir_.string() + " has no run '" + name + "'" +
-                   (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
+  throw InputError("project " + dir_.string() + " has no run '" + name + "'" + NearestHint(name, RunNames()));
 }
 
 std::vector<std::string> Project::RunNames() const { return NamesOfRuns(site_); }

@@ -33,9 +33,10 @@ struct LocalizedView {
 
 std::vector<LocalizedView> LocalizedViews(const Project& project, const std::string& variant,
                                           const std::vector<PointMark>& marks, const std::string& point) {
+  const std::string at = variant.empty() ? "" : "@" + variant;
   std::vector<LocalizedView> views;
   for (const Run& run : project.site().runs) {
-    const fs::path dir = project.ResultDir("localize", run.name + (variant.empty() ? "" : "@" + variant));
+    const fs::path dir = project.ResultDir("localize", run.name + at);
     if (!fs::exists(dir / "cameras.csv")) continue;
     std::map<std::string, Rigid3d> poses;
     for (const CameraResult& camera : ReadLocalizeResult(dir).images) {
