@@ -5,8 +5,8 @@
 
 #include "app/cli/command.h"
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/demo_site.h"
 #include "app/pipeline/stitch_stage.h"
+#include "datasets/project/demo_site.h"
 
 namespace trigpoint {
 namespace {

@@ -4,11 +4,14 @@
 #include <cmath>
 
 #include "app/cli/command.h"
+#include "app/pipeline/inspect.h"
 #include "app/pipeline/marking.h"
 #include "app/pipeline/reference_parts.h"
 #include "datasets/io/kept_input.h"
 #include "datasets/io/text.h"
+#include "datasets/project/marking.h"
 #include "eval/inspect/run_inspector.h"
+#include "eval/truth/marked_point.h"
 
 namespace trigpoint {
 namespace {

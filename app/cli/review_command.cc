@@ -3,8 +3,8 @@
 
 #include "app/cli/command.h"
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/reviewed.h"
 #include "datasets/project/files.h"
+#include "eval/errors/changed_errors.h"
 #include "eval/text/json_values.h"
 #include "eval/text/method_name.h"
 #include "eval/text/number_text.h"

@@ -9,7 +9,6 @@
 #include "app/cli/project_facts.h"
 #include "app/cli/run_command.h"
 #include "app/pipeline/command_line.h"
-#include "app/pipeline/gates_stage.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/readable.h"
@@ -17,6 +16,7 @@
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "eval/gates/judge_results.h"
 
 namespace trigpoint {
 namespace {

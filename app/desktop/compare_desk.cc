@@ -22,6 +22,7 @@
 #include "app/desktop/views_box.h"
 #include "app/desktop/widgets.h"
 #include "app/pipeline/reviewed.h"
+#include "eval/errors/changed_errors.h"
 #include "eval/errors/compare.h"
 #include "eval/release/compared.h"
 #include "eval/text/display_unit.h"

@@ -10,9 +10,10 @@
 #include "app/desktop/background.h"
 #include "app/desktop/images_desk.h"
 #include "app/desktop/picture_view.h"
-#include "app/pipeline/marking.h"
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
+#include "datasets/project/marking.h"
+#include "eval/truth/marked_point.h"
 
 namespace trigpoint {
 

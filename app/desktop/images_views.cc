@@ -12,7 +12,7 @@
 #include "app/desktop/match_lines.h"
 #include "app/desktop/picture_view.h"
 #include "app/desktop/pictures.h"
-#include "app/pipeline/reference_parts.h"
+#include "app/pipeline/drawn_views.h"
 #include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
 

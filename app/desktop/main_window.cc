@@ -47,6 +47,7 @@
 #include "app/desktop/tables_desk.h"
 #include "app/desktop/widgets.h"
 #include "app/pipeline/demo_site.h"
+#include "datasets/project/demo_site.h"
 #include "datasets/project/project.h"
 
 namespace trigpoint {

@@ -15,7 +15,9 @@
 #include "app/desktop/run_desk.h"
 #include "app/desktop/views_box.h"
 #include "app/desktop/widgets.h"
+#include "app/pipeline/jobs.h"
 #include "app/pipeline/reviewed.h"
+#include "eval/errors/changed_errors.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {

@@ -37,7 +37,7 @@
 #include "calib/base/memory.h"
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
-#include "eval/release/compared.h"
+#include "datasets/project/files.h"
 #include "eval/scene/scene_pairs.h"
 
 namespace trigpoint {

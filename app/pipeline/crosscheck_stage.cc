@@ -1,7 +1,17 @@
 // crosscheck: COLMAP on the same run, and anybody's models and trajectories of it, held against ours.
 #include "app/pipeline/crosscheck_stage.h"
 
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <map>
+#include <set>
+#include "app/pipeline/crosscheck_colmap.h"
+#include "app/pipeline/crosscheck_figures.h"
+#include "app/pipeline/crosscheck_panoramas.h"
+#include "app/pipeline/drawn_views.h"
 #include "app/pipeline/reference_parts.h"
+#include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "eval/exchange/crosscheck.h"
 

@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 
 #include "app/pipeline/jobs.h"
+#include "app/pipeline/measured_offsets.h"
+#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/text.h"
 #include "eval/errors/evaluated_runs.h"
@@ -12,6 +14,10 @@
 #include "eval/gates/limits.h"
 #include "eval/trajectory/score_estimates.h"
 #include "eval/truth/score_truth.h"
+#include "eval/truth/truth.h"
+#include "survey/tags/excluded_detections.h"
+#include "survey/tags/tag_files.h"
+#include "survey/tags/tag_shape.h"
 
 namespace trigpoint {
 namespace {

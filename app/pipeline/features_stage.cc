@@ -1,8 +1,10 @@
 #include <algorithm>
 
-#include "app/pipeline/reference_parts.h"
+#include "app/pipeline/drawn_views.h"
 #include "app/pipeline/stage_list.h"
+#include "datasets/project/reference_parts.h"
 #include "localize/reconstruct/feature_store.h"
+#include "localize/references/reference_options.h"
 #include "localize/references/view_index.h"
 
 namespace trigpoint {
@@ -110,6 +112,15 @@ void FindReferenceFeatures(const ReferenceOptions& options, const Site& site, co
 }
 
 }  // namespace
+
+ViewOptions ViewOptionsOf(const Project& project) {
+  StageTarget first, as_made;
+  first.part = ReferenceParts(project.site()).front();
+  const auto manifest = ReadManifest(project, "references", ResultName(StageNamed("references"), first));
+  if (manifest && manifest->contains("options") && (*manifest)["options"].contains("views"))
+    as_made.overrides["references"]["views"] = (*manifest)["options"]["views"];
+  return ResolveOptions<ReferenceOptions>(project, "references", as_made).views;
+}
 
 StageInfo ReferencesStage() {
   StageInfo info;

@@ -21,9 +21,4 @@ nlohmann::json DefaultGates(const Project& project);
 // The same jobs, with one of `gates` behind those whose results have limits (before the report).
 std::vector<Job> WithGates(const Project& project, const std::vector<Job>& jobs);
 
-// Verdicts that count for a command that made `stages`, of a manifest's metrics of `gates`. A command that asks for
-// `gates` itself (run, gates) counts all of them.
-std::vector<nlohmann::json> CountedGates(const nlohmann::json& metrics, const std::vector<std::string>& stages);
-bool GatesPassed(const nlohmann::json& metrics, const std::vector<std::string>& stages);
-
 }  // namespace trigpoint

@@ -4,12 +4,12 @@
 #include <set>
 
 #include "app/pipeline/gates_stage.h"
-#include "app/pipeline/reference_parts.h"
 #include "app/pipeline/single_job.h"
 #include "app/pipeline/tags_wanted.h"
 #include "datasets/project/files.h"
 #include "datasets/project/forked.h"
 #include "datasets/project/manifest.h"
+#include "datasets/project/reference_parts.h"
 namespace trigpoint {
 
 namespace fs = std::filesystem;
@@ -77,11 +77,15 @@ void KeepGiven(const Project& project, Job* job) {
   job->target.overrides = std::move(given);
 }
 
+bool Asks(const JobQuery& query, const std::string& stage) {
+  return std::find(query.stages.begin(), query.stages.end(), stage) != query.stages.end();
+}
+
 // The results of a stage that a target of the query comes down to: those that the stages behind it read.
 std::vector<StageTarget> WantedTargets(const Project& project, const StageInfo& stage, const StageTarget& target,
                                        const JobQuery& query, const std::set<std::string>& wanted) {
   std::vector<StageTarget> targets;
-  const bool asked = std::find(query.stages.begin(), query.stages.end(), stage.name) != query.stages.end();
+  const bool asked = Asks(query, stage.name);
   for (const StageInfo& reader : Stages()) {
     if (asked || !stage.read_as || wanted.count(reader.name) == 0 || !NeedsStage(project, reader, target, stage.name))
       continue;
@@ -110,17 +114,32 @@ std::string Job::Title() const {
   return name.empty() || name.front() == '@' ? stage->name + name : stage->name + "/" + name;
 }
 
+uint64_t SeedOf(const Project& project, const std::vector<Job>& jobs) {
+  for (const Job& job : jobs) {
+    if (const auto manifest = ReadManifest(project, job.stage->name, ResultName(*job.stage, job.target)))
+      return manifest->value("seed", uint64_t{1});
+  }
+  return 1;
+}
+
+std::set<std::string> ResultsIn(const fs::path& folder) {
+  std::set<std::string> names;
+  std::error_code ignored;
+  for (fs::directory_iterator it(folder, ignored), end; it != end; it.increment(ignored)) {
+    std::string name = it->path().filename().string();
+    if (name.front() != '.') names.insert(std::move(name));
+  }
+  return names;
+}
+
 std::vector<std::string> KnownVariants(const Project& project) {
   std::set<std::string> variants = {""};
   for (const auto& [name, stages] : project.variants().items()) variants.insert(name);
   for (const StageInfo& stage : Stages()) {
     if (!stage.variants) continue;
-    std::error_code ignored;
-    const fs::path folder = stage.per_run ? project.results() / stage.name : project.results();
-    for (fs::directory_iterator it(folder, ignored), end; it != end; it.increment(ignored)) {
-      const std::string name = it->path().filename().string();
+    for (const std::string& name : ResultsIn(stage.per_run ? project.results() / stage.name : project.results())) {
       const size_t at = name.find('@');
-      if (at == std::string::npos || name.front() == '.') continue;
+      if (at == std::string::npos) continue;
       if (stage.per_run || name.substr(0, at) == stage.name) variants.insert(name.substr(at + 1));
     }
   }
@@ -138,8 +157,7 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
   // What is for all runs (the survey) and only needed on the way wants all of them, whichever run was asked for.
   const auto for_all_runs = [&](const StageInfo& stage) {
     return std::any_of(Stages().begin(), Stages().end(), [&](const StageInfo& other) {
-      const bool asked = std::find(query.stages.begin(), query.stages.end(), other.name) != query.stages.end();
-      return !other.per_run && !asked && !query.stages.empty() && wanted.count(other.name) > 0 &&
+      return !other.per_run && !Asks(query, other.name) && !query.stages.empty() && wanted.count(other.name) > 0 &&
              NeedsStage(project, other, {"", query.variants.front(), query.overrides}, stage.name);
     });
   };
@@ -148,7 +166,7 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     if (wanted.count(stage.name) == 0) continue;
     const std::vector<std::string> variants = stage.variants ? query.variants : std::vector<std::string>{""};
     const std::vector<std::string>& its_runs = for_all_runs(stage) ? there : runs;
-    const bool asked = std::find(query.stages.begin(), query.stages.end(), stage.name) != query.stages.end();
+    const bool asked = Asks(query, stage.name);
     const std::vector<std::string> names = stage.per_run ? its_runs : std::vector<std::string>{""};
     for (const std::string& variant : variants) {
       for (const std::string& run : names) {
@@ -170,6 +188,16 @@ std::vector<Job> PlanJobs(const Project& project, const JobQuery& query) {
     }
   }
   return jobs;
+}
+
+JobQuery ReviewQuery(const std::string& variant) {
+  JobQuery query;
+  for (const StageInfo& stage : Stages()) {
+    // A decision does not ask for a first result.
+    if (!stage.reviewed.empty() && !stage.first_on_request) query.stages.push_back(stage.name);
+  }
+  query.variants = {variant};
+  return query;
 }
 
 std::string_view JobEndName(JobEnd end) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,14 @@ struct JobQuery {
 std::vector<Job> PlanJobs(const Project& project, const JobQuery& query);
 // The first set of results, the variants of trigpoint.yaml, and those that are in the results folder.
 std::vector<std::string> KnownVariants(const Project& project);
+
+// The seed that the first of them with a result was made with; 1 without any.
+uint64_t SeedOf(const Project& project, const std::vector<Job>& jobs);
+// What lies in a folder of results, without hidden names.
+std::set<std::string> ResultsIn(const std::filesystem::path& folder);
+
+// What makes every result anew that rests on the review.
+JobQuery ReviewQuery(const std::string& variant);
 
 enum class JobEnd { kComputed, kUpToDate, kNotNeeded, kSkipped, kFailed };
 // "computed", "up to date", "not needed", "skipped", "failed".

@@ -3,8 +3,12 @@
 #include <map>
 #include <set>
 
+#include "app/pipeline/drawn_views.h"
+#include "app/pipeline/image_motion.h"
+#include "app/pipeline/localize_files.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "app/pipeline/reference_parts.h"
+#include "app/pipeline/set_localization.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/world_evidence.h"
 #include "calib/base/counted.h"
@@ -13,6 +17,7 @@
 #include "datasets/io/credits.h"
 #include "datasets/io/source_quality.h"
 #include "datasets/io/time_check.h"
+#include "datasets/project/reference_parts.h"
 #include "datasets/solution/covariance_tables.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
@@ -20,6 +25,7 @@
 #include "localize/files/localization_notes.h"
 #include "localize/files/tables.h"
 #include "localize/reconstruct/image_motion.h"
+#include "localize/reconstruct/kept_features.h"
 #include "localize/run_solution.h"
 
 namespace trigpoint {

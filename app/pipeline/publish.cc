@@ -1,18 +1,11 @@
 #include "app/pipeline/publish.h"
 
 #include <algorithm>
+#include <optional>
 #include <set>
 
-#include "app/pipeline/released_results.h"
-#include "datasets/io/credits.h"
-#include "datasets/io/text.h"
-#include "datasets/project/files.h"
-#include "datasets/project/hash.h"
-#include "datasets/project/release_files.h"
-#include "eval/errors/reference_maps.h"
-#include "eval/release/certificate.h"
-#include "eval/release/release_signature.h"
-#include "eval/release/versions.h"
+#include "app/pipeline/jobs.h"
+#include "datasets/project/manifest.h"
 
 namespace trigpoint {
 
@@ -21,68 +14,104 @@ using nlohmann::json;
 
 namespace {
 
-constexpr uintmax_t kLargestTable = 100'000'000;  // bytes of an input that is always copied
+// A result that a release rests on: it must record it, and be able to make it again.
+struct RestedOn {
+  Job job;
+  std::string name;  // of the result: run1@paper
+  nlohmann::json manifest;
+  std::filesystem::path dir;
+  std::string Title() const { return job.Title(); }
+};
 
-bool HasExtension(const fs::path& file, const std::vector<std::string>& extensions) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return std::find(extensions.begin(), extensions.end(), extension) != extensions.end();
+// Of a stage for one run and variant; nothing if it isn't there.
+std::optional<RestedOn> ResultNow(const Project& project, const std::string& stage, const StageTarget& target) {
+  RestedOn result;
+  result.job = {&StageNamed(stage), target};
+  result.name = ResultName(*result.job.stage, target);
+  result.dir = project.ResultDir(stage, result.name);
+  const std::optional<json> manifest = ReadManifest(project, stage, result.name);
+  if (!manifest) return std::nullopt;
+  result.manifest = *manifest;
+  return result;
 }
 
-// Large or private to the computation: features, sparse models, overlays. Their hashes are in the record.
-bool BelongsIn(const fs::path& file) {
-  return HasExtension(file, {".csv", ".tum", ".json", ".md", ".html", ".pdf", ".png", ".txt", ".yaml", ".xml"});
-}
-
-bool IsPictureOrVideo(const fs::path& file) {
-  return HasExtension(file,
-                      {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".heic", ".heif", ".avif", ".dng",
-                       ".ppm", ".pgm",  ".mp4", ".mov", ".avi",  ".mkv", ".m4v",  ".webm", ".bag",  ".mcap"});
-}
-
-// What a project's folder has at its top, whether a stage names it or not.
-const std::vector<std::string>& SiteFiles() {
-  static const std::vector<std::string> kFiles = {"trigpoint.yaml",
-                                                  "review.jsonl",
-                                                  "origin.json",
-                                                  "tags.yaml",
-                                                  "stations.csv",
-                                                  "control_points.csv",
-                                                  "control_observations.csv",
-                                                  "ground_control_points.json",
-                                                  "gcp_list.txt",
-                                                  "distances.csv",
-                                                  "total_station.csv",
-                                                  "panoramas.csv",
-                                                  "photos.csv"};
-  return kFiles;
-}
-
-void CopyFile(const fs::path& from, const fs::path& to) {
-  fs::create_directories(to.parent_path());
-  fs::copy_file(from, to, fs::copy_options::overwrite_existing);
-}
-
-// Files of a result that its manifest names, with the manifest and the log.
-void CopyResult(const RestedOn& result, const fs::path& to) {
-  const json files = result.manifest.value("files", json::object());
-  for (const auto& [file, hash] : files.items()) {
-    if (BelongsIn(file)) CopyFile(result.dir / file, to / file);
-  }
-  for (const char* file : {"manifest.json", "log.txt"}) {
-    if (fs::exists(result.dir / file)) CopyFile(result.dir / file, to / file);
+// "results/localize/run1@paper/manifest.json", "results/survey/tags.csv": whose it is. Nothing for a path of another
+// kind.
+std::optional<RestedOn> OwnerOf(const Project& project, const std::string& input) {
+  const fs::path path(input);
+  std::vector<std::string> parts;
+  for (const fs::path& part : path) parts.push_back(part.string());
+  if (parts.size() < 3 || parts[0] != "results") return std::nullopt;
+  const std::string stage = parts[1].substr(0, parts[1].find('@'));
+  try {
+    const StageInfo& info = StageNamed(stage);
+    const std::string name = info.per_run ? parts[2] : parts[1].substr(stage.size());
+    const size_t at = name.find('@');
+    StageTarget target;
+    if (info.per_run) target.run = name.substr(0, at);
+    if (at != std::string::npos) (info.parts ? target.part : target.variant) = name.substr(at + 1);
+    return ResultNow(project, stage, target);
+  } catch (const OptionError&) {
+    return std::nullopt;  // a folder of results that is no stage's
   }
 }
 
-json RecordOf(const RestedOn& result, const std::string& copied_to) {
-  json record = json::object();
-  for (const char* key : {"stage", "name", "version", "identity", "options", "given", "values", "inputs", "seed",
-                          "threads", "warnings", "files", "start", "end"}) {
-    if (result.manifest.contains(key)) record[key] = result.manifest[key];
+void AddBehind(const Project& project, const RestedOn& result, std::set<std::string>* known,
+               std::vector<RestedOn>* all) {
+  if (!known->insert(result.Title()).second) return;
+  const json inputs = result.manifest.value("inputs", json::object());
+  for (const auto& [input, hash] : inputs.items()) {
+    if (const std::optional<RestedOn> owner = OwnerOf(project, input)) AddBehind(project, *owner, known, all);
   }
-  if (!copied_to.empty()) record["copied_to"] = copied_to;
-  return record;
+  all->push_back(result);
+}
+
+// The results named, those whose manifests or files they read, and so on down; each after those it reads. Ones without
+// a manifest are left out: who reads them is out of date.
+std::vector<RestedOn> ResultsBehind(const Project& project, const std::vector<RestedOn>& roots) {
+  std::vector<RestedOn> all;
+  std::set<std::string> known;
+  for (const RestedOn& root : roots) AddBehind(project, root, &known, &all);
+  return all;
+}
+
+// Empty if it is as its inputs, options and version make it now.
+std::string WhyNotCurrent(const Project& project, const RestedOn& result) {
+  const StageInfo& stage = *result.job.stage;
+  StageTarget target = result.job.target;
+  target.overrides = result.manifest.value("given", json::object());
+  // A calibration has no options but those of its command.
+  if (stage.name == "calibrate") target.overrides[stage.name] = result.manifest.value("options", json::object());
+  try {
+    const std::string damage = ManifestDamage(project, stage.name, result.name);
+    if (!damage.empty()) return "its manifest.json is damaged: " + damage;
+    StageRequest request = MakeRequest(project, stage, target);
+    if (!target.variant.empty() && !project.variants().contains(target.variant))
+      request.options = result.manifest.value("options", request.options);
+    const StageState state = StateOf(project, request, result.manifest.value("seed", uint64_t{1}));
+    return state == StageState::kDone ? "" : std::string(StageStateName(state));
+  } catch (const InputError& e) {
+    return e.what();
+  } catch (const OptionError& e) {
+    return e.what();
+  }
+}
+
+// Throws InputError naming every result that its inputs, its options or trigpoint.yaml have left behind. Options given
+// on the command line are the result's own, as its manifest has them.
+void RequireCurrent(const Project& project, const std::vector<RestedOn>& results) {
+  std::vector<std::string> stale;
+  for (const RestedOn& result : results) {
+    const std::string why = WhyNotCurrent(project, result);
+    if (!why.empty()) stale.push_back(result.Title() + ": " + why);
+  }
+  if (stale.empty()) return;
+  constexpr size_t kMostNamed = 5;
+  std::string text;
+  for (size_t i = 0; i < std::min(stale.size(), kMostNamed); ++i) text += (i > 0 ? "; " : "") + stale[i];
+  if (stale.size() > kMostNamed) text += " and " + std::to_string(stale.size() - kMostNamed) + " more";
+  throw InputError("a release needs results that are up to date, found " + text + ". Run `trigpoint run " +
+                   project.dir().string() + "` first");
 }
 
 // Where a published result lies in the release; empty: only its record is kept.
@@ -129,185 +158,44 @@ std::string KeyOf(const RestedOn& result, const std::string& at) {
   return key;
 }
 
-// The files that the results were computed from: path as in the manifests -> file.
-std::map<std::string, fs::path> InputsOf(const Project& project, const std::vector<RestedOn>& results) {
-  std::map<std::string, fs::path> inputs;
-  const auto add = [&](const fs::path& input) {
-    const fs::path path = input.is_absolute() ? input : project.dir() / input;
-    std::error_code ignored;
-    if (fs::is_regular_file(path, ignored)) inputs[RelativeTo(project.dir(), path)] = path;
-  };
-  for (const RestedOn& result : results) {
-    const json its = result.manifest.value("inputs", json::object());
-    for (const auto& [input, hash] : its.items()) {
-      if (!input.starts_with("results/")) add(input);
-    }
-    // A calibration is taken over as it is: its board's pictures are behind it, and it serves as an input.
-    if (result.job.stage->name == "calibrate") {
-      for (const char* file : {"camchain.yaml", "manifest.json"}) add(result.dir / file);
-    }
-  }
-  for (const std::string& name : project.RunNames()) {
-    if (project.site().broken_runs.count(name) > 0) continue;
-    for (const fs::path& input : RunInputs(project, project.run(name))) add(input);
-  }
-  for (const fs::path& input : ReferenceInputs(project, project.site())) add(input);
-  for (const std::string& file : SiteFiles()) add(file);
-  return inputs;
-}
-
-// Copies what belongs into the release, and records the rest by hash.
-json CopyInputs(const Project& project, const std::vector<RestedOn>& results, bool all, const fs::path& to,
-                const CancelToken& cancel, Release* release) {
-  json record = json::object();
-  for (const auto& [path, file] : InputsOf(project, results)) {
-    cancel.ThrowIfCancelled();
-    const uintmax_t bytes = fs::file_size(file);
-    const bool inside = StaysInside(path);
-    if (all && !inside) {
-      throw InputError(file.string() + ": lies outside the project's folder, so that the release cannot carry it; " +
-                       "move it into " + project.dir().string() + ", or publish without --copy-inputs");
-    }
-    const bool copied = inside && (all || (!IsPictureOrVideo(file) && bytes < kLargestTable));
-    if (copied) CopyFile(file, to / path);
-    record[path] = {{"sha256", project.hashes().Of(file)}, {"bytes", bytes}, {"copied", copied}};
-    ++release->inputs;
-    if (!copied) ++release->inputs_by_hash;
-  }
-  return record;
-}
-
-void CheckName(const Project& project, const std::string& name) {
-  if (name.empty() || name.front() == '.' || name.find_first_of(std::string("/\\@\n\0", 5)) != std::string::npos) {
-    throw OptionError("the release's name '" + name + "' cannot be a folder's; use letters, digits, '-' and '_'");
-  }
-  for (const char* taken : {"self", "control", "survey"}) {
-    if (name == taken) throw OptionError("the name '" + name + "' has a meaning of its own; choose another one");
-  }
-  const fs::path target = ReleaseFolder(project, name);
-  if (fs::exists(target)) {
-    throw InputError(target.string() + " is published already; a release is never overwritten: choose another name");
-  }
-}
-
-// The map's frame, and what fixes it.
-json MapRecord(const Project& project, const std::string& at, Release* release) {
-  json record = {{"runs", json::array()}, {"evidence", json::array()}};
-  const fs::path map = project.ResultDir("survey", at);
-  if (!fs::exists(map / "tags.csv")) return record;
-  const std::string frame = TagMapFrame(map / "tags.csv");
-  record["frame"] = frame.empty() ? "enu" : frame;
-  if (!IsSiteFrame(frame)) return record;
-  const ReferenceMap reference = ReadReferenceMap(project, map, "survey" + at);
-  release->tags = static_cast<int>(reference.tags.size());
-  release->runs = reference.runs;
-  release->evidence = reference.evidence;
-  record["runs"] = reference.runs;
-  record["evidence"] = reference.evidence;
-  return record;
-}
-
-// Writes the whole release into the folder `fresh`.
-void WriteRelease(const Project& project, const PublishOptions& options, const std::vector<RestedOn>& published,
-                  const std::vector<RestedOn>& behind, const fs::path& fresh, const CancelToken& cancel,
-                  Release* release) {
-  const std::string at = options.variant.empty() ? "" : "@" + options.variant;
-  json stages = json::object();
+// What goes into the release of the published results and those behind them.
+ReleaseContent ContentOf(const Project& project, const std::string& variant, const std::vector<RestedOn>& published,
+                         const std::vector<RestedOn>& behind) {
+  const std::string at = variant.empty() ? "" : "@" + variant;
+  ReleaseContent content;
   for (const RestedOn& result : behind) {
     const bool itself = std::any_of(published.begin(), published.end(),
                                     [&](const RestedOn& other) { return other.Title() == result.Title(); });
-    const std::string place = itself ? PlaceInRelease(result, options.variant) : "";
-    if (!place.empty()) CopyResult(result, fresh / place);
-    stages[KeyOf(result, at)] = RecordOf(result, place);
-  }
-  json order = json::array();
-  for (const RestedOn& result : ResultsBehind(project, WithoutReport(published))) order.push_back(KeyOf(result, at));
-  json record = {{"schema", "trigpoint release 2"},
-                 {"name", options.name},
-                 {"project", project.name()},
-                 {"folder", project.dir().filename().string()},
-                 {"variant", options.variant},
-                 {"published", UtcTimeText()},
-                 {"user", UserName()},
-                 {"program", ProgramVersions()},
-                 {"map", MapRecord(project, at, release)},
-                 {"stages", stages},
-                 {"order", order},
-                 {"inputs", CopyInputs(project, behind, options.copy_inputs, fresh / "site", cancel, release)},
-                 {"files", json::object()}};
-  if (project.has_frame()) {
-    const Geodetic& o = project.frame().origin();
-    record["origin"] = {o.latitude_deg, o.longitude_deg, o.height_m};
-  }
-  const ReleaseStatement& statement = options.statement;
-  record["certificate"] = {
-      {"author", statement.author}, {"instrument", statement.instrument}, {"note", statement.note}};
-  // So that a signature that was taken away is missed.
-  if (options.sign) record["signature"] = options.sign->starts_with("gpg:") ? kGpgSignature : kSshSignature;
-  WriteCertificate(project, record, statement, fresh);
-  std::vector<fs::path> files;
-  for (const auto& entry : fs::recursive_directory_iterator(fresh)) {
-    if (entry.is_regular_file()) files.push_back(entry.path());
-  }
-  for (const fs::path& file : files) {
-    cancel.ThrowIfCancelled();
-    record["files"][RelativeTo(fresh, file)] = {{"sha256", Sha256OfFile(file)}, {"bytes", fs::file_size(file)}};
-    fs::permissions(file, fs::perms::owner_write | fs::perms::group_write | fs::perms::others_write,
-                    fs::perm_options::remove);
-  }
-  for (const auto& [path, input] : record["inputs"].items()) {
-    if (input["copied"] && record["files"]["site/" + path]["sha256"] != input["sha256"]) {
-      throw InputError((project.dir() / path).string() + ": was changed while it was published; publish again");
+    content.results.push_back(
+        {KeyOf(result, at), result.manifest, result.dir, itself ? PlaceInRelease(result, variant) : ""});
+    // A calibration is taken over as it is: its board's pictures are behind it, and it serves as an input.
+    if (result.job.stage->name == "calibrate") {
+      for (const char* file : {"camchain.yaml", "manifest.json"}) content.inputs.push_back(result.dir / file);
     }
   }
-  release->files = files.size();
-  WriteReleaseRecord(fresh, record);
-  release->sha256 = Sha256OfFile(fresh / kReleaseRecord);
-  fs::permissions(fresh / kReleaseRecord, fs::perms::owner_read | fs::perms::group_read | fs::perms::others_read);
+  for (const RestedOn& result : ResultsBehind(project, WithoutReport(published)))
+    content.order.push_back(KeyOf(result, at));
+  const auto add = [&](const std::vector<fs::path>& files) {
+    content.inputs.insert(content.inputs.end(), files.begin(), files.end());
+  };
+  for (const std::string& name : project.RunNames()) {
+    if (project.site().broken_runs.count(name) == 0) add(RunInputs(project, project.run(name)));
+  }
+  add(ReferenceInputs(project, project.site()));
+  return content;
 }
 
 }  // namespace
 
 Release Publish(const Project& project, const PublishOptions& options, const CancelToken& cancel) {
-  CheckName(project, options.name);
-  const fs::path target = ReleaseFolder(project, options.name);
+  CheckReleaseName(project, options.name);
   const auto lock = project.Lock();
-  const std::string at = options.variant.empty() ? "" : "@" + options.variant;
-  const fs::path map = project.ResultDir("survey", at), tables = project.ResultDir("evaluate", at);
-  if (!fs::exists(map / "tags.csv") && !fs::exists(tables / "errors.csv")) {
-    throw InputError("there is nothing to publish: neither " + (map / "tags.csv").string() + " nor " +
-                     (tables / "errors.csv").string() + "; run `trigpoint run " + project.dir().string() + "` first");
-  }
-  for (const auto& [file, credit] : ReadCredits(project.dir())) {
-    if (credit.keep_until.empty()) continue;
-    throw InputError((project.dir() / "panoramas.csv").string() + ": " + file + " is from " + credit.source +
-                     ", whose terms forbid to keep it, and a release keeps its inputs; take its rows out of the table "
-                     "and run `trigpoint run` again");
-  }
+  CheckReleasable(project, options.variant);
   const std::vector<RestedOn> published = Published(project, options.variant);
   const std::vector<RestedOn> behind = ResultsBehind(project, published);
   RequireCurrent(project, behind);
   project.hashes().Save();
-  RecoverFolder(project.dir() / "releases");
-  const fs::path fresh = target.parent_path() / (std::string(kTemporaryPrefix) + options.name);
-  Release release;
-  release.dir = target;
-  try {
-    fs::remove_all(fresh);
-    fs::create_directories(fresh);
-    WriteRelease(project, options, published, behind, fresh, cancel, &release);
-    if (options.sign) SignRelease(fresh, *options.sign, cancel);
-    fs::rename(fresh, target);  // fails if somebody was faster: a folder that is there and not empty stays
-  } catch (const fs::filesystem_error& e) {
-    std::error_code ignored;
-    fs::remove_all(fresh, ignored);
-    throw IoErrorFor(target, "published", e.code().value());
-  } catch (const Error&) {
-    std::error_code ignored;
-    fs::remove_all(fresh, ignored);
-    throw;
-  }
-  return release;
+  return WriteRelease(project, options, ContentOf(project, options.variant, published, behind), cancel);
 }
 
 }  // namespace trigpoint

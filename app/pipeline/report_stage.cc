@@ -4,11 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <set>
 
+#include "app/pipeline/drawing_memory.h"
+#include "app/pipeline/drawn_views.h"
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/jobs.h"
-#include "app/pipeline/reference_parts.h"
 #include "app/pipeline/tags_wanted.h"
 #include "calib/base/counted.h"
 #include "calib/base/parallel.h"
@@ -31,13 +31,7 @@ std::vector<ResultRecord> OtherResults(const Project& project) {
   std::vector<Job> jobs = PlanJobs(project, query);
   std::erase_if(jobs,
                 [&](const Job& job) { return job.stage->name == "detect" && !WantsTags(project, job.target.run); });
-  uint64_t seed = 1;
-  for (const Job& job : jobs) {
-    if (const auto manifest = ReadManifest(project, job.stage->name, ResultName(*job.stage, job.target))) {
-      seed = manifest->value("seed", seed);
-      break;
-    }
-  }
+  const uint64_t seed = SeedOf(project, jobs);
   std::vector<ResultRecord> results;
   const auto add = [&](const JobState& state) {
     ResultRecord result;
@@ -71,12 +65,7 @@ std::vector<ResultRecord> OtherResults(const Project& project) {
 // Results that have names of their own: photo sets and calibrations.
 void AddNamedResults(const Project& project, std::vector<ResultRecord>* results) {
   for (const char* stage : {"stitch", "calibrate"}) {
-    std::set<std::string> names;
-    std::error_code ignored;
-    for (fs::directory_iterator it(project.results() / stage, ignored), end; it != end; it.increment(ignored)) {
-      if (it->path().filename().string().front() != '.') names.insert(it->path().filename().string());
-    }
-    for (const std::string& name : names) {
+    for (const std::string& name : ResultsIn(project.results() / stage)) {
       const auto manifest = ReadManifest(project, stage, name);
       if (!manifest) continue;
       const auto failure = ReadFailure(project, stage, name);

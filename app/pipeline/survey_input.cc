@@ -7,9 +7,7 @@
 
 #include "app/pipeline/detect_stage.h"
 #include "app/pipeline/image_motion.h"
-#include "app/pipeline/marking.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "app/pipeline/reviewed.h"
 #include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/set_localization.h"
 #include "calib/base/counted.h"
@@ -21,6 +19,7 @@
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
+#include "datasets/project/marking.h"
 #include "eval/evidence/rolling_tags.h"
 #include "localize/reconstruct/image_motion.h"
 #include "survey/input/control.h"

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 
@@ -22,24 +21,6 @@ namespace trigpoint {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string Number(double value) {
-  char buffer[64];
-  std::snprintf(buffer, sizeof(buffer), "%.15g", value);
-  return buffer;
-}
-
-std::string List(const std::vector<double>& values) {
-  std::string text = "[";
-  for (size_t i = 0; i < values.size(); ++i) text += (i == 0 ? "" : ", ") + Number(values[i]);
-  return text + "]";
-}
-
-std::string Comments(const std::vector<std::string>& comments) {
-  std::string text;
-  for (const std::string& comment : comments) text += "# " + comment + "\n";
-  return text;
-}
 
 BodyCamera Named(const std::string& name, Camera camera) {
   BodyCamera body;
@@ -174,7 +155,7 @@ YAML::Node NodeOf(const cv::FileNode& stored) {
   } else if (stored.isInt()) {
     node = static_cast<int>(stored);
   } else if (stored.isReal()) {
-    node = Number(static_cast<double>(stored));
+    node = YamlNumber(static_cast<double>(stored));
   } else if (stored.isString()) {
     node = stored.string();
   }
@@ -431,7 +412,7 @@ Camera OpenCvCamera(const std::string& where, const std::vector<double>& k, std:
   }
   if (std::abs(k[1]) > 1e-6 * std::abs(k[0])) throw InputError(where + ": a camera matrix with skew is not supported");
   std::vector<double> params = {k[0], k[4], k[2], k[5]};
-  std::transform(model.begin(), model.end(), model.begin(), [](unsigned char c) { return std::tolower(c); });
+  model = LowerCase(std::move(model));
   const bool fisheye = model == "equidistant" || model == "fisheye" || model == "kannala_brandt";
   static const std::vector<std::string> kKnown = {
       "",        "plumb_bob", "rational_polynomial", "radtan",  "rational",
@@ -500,10 +481,10 @@ std::vector<BodyCamera> ReadCamerasFor(const fs::path& file, size_t count, const
 void WriteOpenCvCamera(const fs::path& file, const BodyCamera& camera, const std::vector<std::string>& comments) {
   const auto matrix = [](const char* name, size_t rows, size_t cols, const std::vector<double>& data) {
     return std::string(name) + ": !!opencv-matrix\n   rows: " + std::to_string(rows) +
-           "\n   cols: " + std::to_string(cols) + "\n   dt: d\n   data: " + List(data) + "\n";
+           "\n   cols: " + std::to_string(cols) + "\n   dt: d\n   data: " + YamlList(data) + "\n";
   };
   const std::vector<double> d = CoefficientsOf(camera.camera);
-  WriteFileAtomically(file, "%YAML:1.0\n---\n" + Comments(comments) +
+  WriteFileAtomically(file, "%YAML:1.0\n---\n" + CommentLines(comments) +
                                 "image_width: " + std::to_string(camera.camera.width()) +
                                 "\nimage_height: " + std::to_string(camera.camera.height()) + "\ncamera_name: \"" +
                                 camera.name + "\"\ndistortion_model: \"" + RosModel(file, camera.camera) + "\"\n" +
@@ -514,11 +495,11 @@ void WriteOpenCvCamera(const fs::path& file, const BodyCamera& camera, const std
 void WriteRosCameraInfo(const fs::path& file, const BodyCamera& camera, const std::vector<std::string>& comments) {
   const auto matrix = [](const char* name, size_t rows, size_t cols, const std::vector<double>& data) {
     return std::string(name) + ":\n  rows: " + std::to_string(rows) + "\n  cols: " + std::to_string(cols) +
-           "\n  data: " + List(data) + "\n";
+           "\n  data: " + YamlList(data) + "\n";
   };
   const std::vector<double>& p = camera.camera.params();
   const std::vector<double> d = CoefficientsOf(camera.camera);
-  WriteFileAtomically(file, Comments(comments) + "image_width: " + std::to_string(camera.camera.width()) +
+  WriteFileAtomically(file, CommentLines(comments) + "image_width: " + std::to_string(camera.camera.width()) +
                                 "\nimage_height: " + std::to_string(camera.camera.height()) + "\ncamera_name: " +
                                 camera.name + "\n" + matrix("camera_matrix", 3, 3, MatrixOf(camera.camera)) +
                                 "distortion_model: " + RosModel(file, camera.camera) + "\n" +
@@ -529,7 +510,7 @@ void WriteRosCameraInfo(const fs::path& file, const BodyCamera& camera, const st
 
 void WriteColmapCameras(const fs::path& file, const std::vector<BodyCamera>& cameras,
                         const std::vector<std::string>& comments) {
-  std::string text = Comments(comments) + "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]; pixel centres at 0.5\n";
+  std::string text = CommentLines(comments) + "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]; pixel centres at 0.5\n";
   int id = 0;
   for (const BodyCamera& camera : cameras) {
     const ColmapCamera colmap = ToColmap(camera.camera);
@@ -537,7 +518,7 @@ void WriteColmapCameras(const fs::path& file, const std::vector<BodyCamera>& cam
             std::to_string(colmap.height);
     for (double p : colmap.params) {
       text += ' ';
-      text += Number(p);
+      text += YamlNumber(p);
     }
     text += "\n";
   }

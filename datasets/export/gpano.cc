@@ -6,6 +6,7 @@
 #include <exiv2/exiv2.hpp>
 
 #include "calib/base/error.h"
+#include "datasets/io/exiv2_lock.h"
 #include "datasets/io/panorama_writer.h"
 #include "datasets/project/files.h"
 
@@ -30,6 +31,7 @@ void WritePanoramaWithPose(const std::filesystem::path& picture, const std::file
   std::filesystem::copy_file(picture, out, std::filesystem::copy_options::overwrite_existing, error);
   if (error) throw IoErrorFor(out, "written", error.value());
   std::filesystem::permissions(out, std::filesystem::perms::owner_write, std::filesystem::perm_options::add, error);
+  const auto lock = LockExiv2();
   try {
     const auto image = Exiv2::ImageFactory::open(out.string());
     image->readMetadata();

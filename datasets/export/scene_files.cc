@@ -19,12 +19,6 @@ void Put(std::string* out, T value) {
   out->append(bytes, sizeof value);
 }
 
-std::string Comments(const std::vector<std::string>& comments) {
-  std::string text;
-  for (const std::string& comment : comments) text += "# " + comment + "\n";
-  return text;
-}
-
 std::string PoseText(const Rigid3d& pose) {
   const Eigen::Vector3d& t = pose.translation;
   const Eigen::Quaterniond& q = pose.rotation;
@@ -80,7 +74,7 @@ void WritePly(const std::filesystem::path& file, const std::vector<PlyColumn>& c
 
 void WriteG2oPoseGraph(const std::filesystem::path& file, const PoseGraph& graph,
                        const std::vector<std::string>& comments) {
-  std::string text = Comments(comments);
+  std::string text = CommentLines(comments);
   if (!graph.points.empty()) text += "PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\n";
   for (const auto& [id, pose] : graph.poses) text += fmt::format("VERTEX_SE3:QUAT {} {}\n", id, PoseText(pose));
   for (const auto& [id, p] : graph.points) {
@@ -100,7 +94,7 @@ void WriteG2oPoseGraph(const std::filesystem::path& file, const PoseGraph& graph
 
 void WriteG2oBundle(const std::filesystem::path& file, const PoseGraph& graph,
                     const std::vector<std::string>& comments) {
-  std::string text = Comments(comments);
+  std::string text = CommentLines(comments);
   for (size_t i = 0; i < graph.cameras.size(); ++i) {
     const auto& c = graph.cameras[i];
     text += fmt::format("PARAMS_CAMERAPARAMETERS {} {:.9f} {:.9f} {:.9f} 0\n", i, c[0], c[1], c[2]);

@@ -335,11 +335,15 @@ void WriteDatasetOdometry(Dataset dataset, const fs::path& file, const fs::path&
   if (!dataset.poses.empty()) WriteTum(dir / "odometry.tum", dataset.poses, {"from " + source});
 }
 
+void ListFiles(const fs::path& dir, ImportReport* report) {
+  for (const auto& entry : fs::directory_iterator(dir)) report->files.push_back(entry.path());
+  std::sort(report->files.begin(), report->files.end());
+}
+
 }  // namespace
 
 bool IsInsta360File(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = LowerExtension(file);
   return ending == ".insv" || ending == ".insp";
 }
 
@@ -443,9 +447,7 @@ ImportReport ImportDatasetRun(const fs::path& site, const fs::path& folder, cons
   WriteDatasetOdometry(dataset, options.odometry, run.dir(), &report);
   if (fs::exists(dataset.truth))
     report.lines.push_back("ground truth, for `trigpoint trajectory`: " + dataset.truth.string());
-  const fs::path dir = run.Complete();
-  for (const auto& entry : fs::directory_iterator(dir)) report.files.push_back(entry.path());
-  std::sort(report.files.begin(), report.files.end());
+  ListFiles(run.Complete(), &report);
   return report;
 }
 
@@ -511,9 +513,7 @@ ImportReport ImportVideoRun(const fs::path& site, const fs::path& video, const D
         "GPX from Insta360 Studio and put it beside the video under its name");
   }
   if (!options.odometry.empty()) WriteDatasetOdometry({}, options.odometry, run.dir(), &report);
-  const fs::path dir = run.Complete();
-  for (const auto& entry : fs::directory_iterator(dir)) report.files.push_back(entry.path());
-  std::sort(report.files.begin(), report.files.end());
+  ListFiles(run.Complete(), &report);
   return report;
 }
 

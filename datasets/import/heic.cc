@@ -12,6 +12,7 @@
 #include "datasets/import/made_files.h"
 #include "datasets/import/phone_files.h"
 #include "datasets/io/exif.h"
+#include "datasets/io/exiv2_lock.h"
 #include "datasets/io/text.h"
 
 #ifdef TRIGPOINT_HAVE_HEIF
@@ -24,9 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 
 bool IsHeicName(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string ending = LowerExtension(file);
   return ending == ".heic" || ending == ".heif" || ending == ".hif";
 }
 
@@ -42,6 +41,7 @@ std::string JpegOf(const fs::path& file, ImportReport* report) {
   const cv::Mat picture = ReadHeic(file, &exif);
   std::vector<uchar> bytes;
   cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, 95});
+  const auto lock = LockExiv2();
   const auto image = Exiv2::ImageFactory::open(bytes.data(), static_cast<long>(bytes.size()));
   image->readMetadata();
   if (exif.empty()) {

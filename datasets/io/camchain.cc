@@ -109,24 +109,12 @@ Camera ReadCamera(const YamlMap& map) {
   }
 }
 
-std::string Number(double value) {
-  char buffer[64];
-  std::snprintf(buffer, sizeof(buffer), "%.15g", value);
-  return buffer;
-}
-
-std::string List(const std::vector<double>& values, size_t begin, size_t end) {
-  std::string text = "[";
-  for (size_t i = begin; i < end; ++i) text += (i == begin ? "" : ", ") + Number(values[i]);
-  return text + "]";
-}
-
 std::string Rows(const Rigid3d& transform) {
   Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
   m.topLeftCorner<3, 3>() = transform.rotation.toRotationMatrix();
   m.topRightCorner<3, 1>() = transform.translation;
   std::string text;
-  for (int i = 0; i < 4; ++i) text += "  - " + List({m(i, 0), m(i, 1), m(i, 2), m(i, 3)}, 0, 4) + "\n";
+  for (int i = 0; i < 4; ++i) text += "  - " + YamlList({m(i, 0), m(i, 1), m(i, 2), m(i, 3)}) + "\n";
   return text;
 }
 
@@ -219,8 +207,7 @@ void TakeLenses(const std::vector<BodyCamera>& from, std::vector<BodyCamera>* ca
 
 void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCamera>& cameras,
                    const std::vector<std::string>& comments) {
-  std::string text;
-  for (const std::string& comment : comments) text += "# " + comment + "\n";
+  std::string text = CommentLines(comments);
   const BodyCamera* before = nullptr;
   for (const BodyCamera& camera : cameras) {
     if (camera.IsFurtherView()) continue;
@@ -241,15 +228,16 @@ void WriteCamchain(const std::filesystem::path& file, const std::vector<BodyCame
     if (sphere || distortion.empty()) {
       text += "  camera_model: equirectangular\n";
     } else {
-      text += "  camera_model: pinhole\n  intrinsics: " + List(params, 0, 4) + "\n  distortion_model: " + distortion +
-              "\n  distortion_coeffs: " + List(params, 4, params.size()) + "\n";
+      text += "  camera_model: pinhole\n  intrinsics: " + YamlList({params.begin(), params.begin() + 4}) +
+              "\n  distortion_model: " + distortion +
+              "\n  distortion_coeffs: " + YamlList({params.begin() + 4, params.end()}) + "\n";
     }
     text += "  resolution: [" + size;
     if (camera.part.kind == PicturePart::Kind::kCrop) {
       text += "  crop: [" + std::to_string(camera.part.x) + ", " + std::to_string(camera.part.y) + ", " + size;
     }
-    if (camera.readout_s != 0) text += "  readout_s: " + Number(camera.readout_s) + "\n";
-    if (camera.time_offset_s != 0) text += "  timeshift_cam_imu: " + Number(camera.time_offset_s) + "\n";
+    if (camera.readout_s != 0) text += "  readout_s: " + YamlNumber(camera.readout_s) + "\n";
+    if (camera.time_offset_s != 0) text += "  timeshift_cam_imu: " + YamlNumber(camera.time_offset_s) + "\n";
     if (camera.has_extrinsics) {
       text += "  T_cam_imu:   # camera from body (x forward, y left, z up)\n" + Rows(camera.cam_from_body);
     } else if (before != nullptr) {

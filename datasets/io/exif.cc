@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <exiv2/exiv2.hpp>
-#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "calib/base/error.h"
 #include "datasets/io/exif_positions.h"
+#include "datasets/io/exiv2_lock.h"
 #include "datasets/io/natural_order.h"
 #include "datasets/io/text.h"
 
@@ -185,29 +185,19 @@ void ReadMapillary(const std::string& description, PhotoMetadata* metadata) {
   }
 }
 
-std::string LowerExtension(const std::filesystem::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
-
 }  // namespace
 
-PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {
+uintmax_t PictureFileSize(const std::filesystem::path& file) {
   std::error_code error;
   const auto size = std::filesystem::file_size(file, error);
   if (error) throw InputError(file.string() + ": there is no such picture");
   if (size == 0) throw InputError(file.string() + ": the picture is empty (0 bytes)");
-  // Exiv2's XMP parser has global state.
-  static std::mutex mutex;
-  const std::lock_guard<std::mutex> lock(mutex);
-  static const bool quiet = [] {
-    Exiv2::XmpParser::initialize();
-    Exiv2::LogMsg::setLevel(Exiv2::LogMsg::mute);
-    return true;
-  }();
-  static_cast<void>(quiet);
+  return size;
+}
+
+PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {
+  PictureFileSize(file);
+  const auto lock = LockExiv2();
   PhotoMetadata metadata;
   try {
     const auto image = Exiv2::ImageFactory::open(file.string());

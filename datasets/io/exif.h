@@ -56,6 +56,9 @@ std::optional<Camera> CameraFromMetadata(const PhotoMetadata& metadata);
 GeoTag GeoTagFromMetadata(const PhotoMetadata& metadata, const std::filesystem::path& file,
                           std::vector<std::string>* warnings);
 
+// The size of a picture's file, bytes. Throws InputError if there is none or it is empty.
+uintmax_t PictureFileSize(const std::filesystem::path& file);
+
 // By its ending: jpg, jpeg, png, tif, tiff; and the containers OpenCV's video readers know.
 bool IsPictureName(const std::filesystem::path& file);
 bool IsVideoName(const std::filesystem::path& file);

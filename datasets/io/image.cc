@@ -21,10 +21,7 @@ namespace {
 std::string Size(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
 std::vector<uchar> ReadBytes(const std::filesystem::path& file) {
-  std::error_code error;
-  const auto size = std::filesystem::file_size(file, error);
-  if (error) throw InputError(file.string() + ": there is no such picture");
-  if (size == 0) throw InputError(file.string() + ": the picture is empty (0 bytes)");
+  const uintmax_t size = PictureFileSize(file);
   std::vector<uchar> bytes(size);
   std::ifstream in(file, std::ios::binary);
   if (!in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size))) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "calib/base/error.h"
+#include "datasets/io/exiv2_lock.h"
 
 namespace trigpoint {
 namespace {
@@ -215,6 +216,7 @@ void WriteExifPosition(const PanoramaMetadata& m, Exiv2::ExifData* data) {
 }
 
 void WritePanoramaMetadata(const std::filesystem::path& file, const PanoramaMetadata& m) {
+  const auto lock = LockExiv2();
   try {
     const auto image = Exiv2::ImageFactory::open(file.string());
     image->readMetadata();

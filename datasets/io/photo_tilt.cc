@@ -2,16 +2,14 @@
 
 #include <cmath>
 #include <exiv2/exiv2.hpp>
-#include <mutex>
 
+#include "datasets/io/exiv2_lock.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
 
 PhotoTilt ReadPhotoTilt(const std::filesystem::path& file) {
-  // Exiv2's XMP parser has global state.
-  static std::mutex mutex;
-  const std::lock_guard<std::mutex> lock(mutex);
+  const auto lock = LockExiv2();
   PhotoTilt tilt;
   try {
     const auto image = Exiv2::ImageFactory::open(file.string());

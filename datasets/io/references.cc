@@ -180,7 +180,8 @@ std::vector<Reference> ReadPhotoSets(const std::filesystem::path& dir, std::vect
   if (!std::filesystem::is_directory(dir)) return references;
   std::vector<std::filesystem::path> folders;
   for (const auto& entry : std::filesystem::directory_iterator(dir)) {
-    if (entry.is_directory()) folders.push_back(entry.path());
+    const bool hidden = entry.path().filename().string().starts_with('.');  // ".thumbnails"
+    if (entry.is_directory() && !hidden) folders.push_back(entry.path());
   }
   std::sort(folders.begin(), folders.end());
   for (const std::filesystem::path& folder : folders) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "calib/base/error.h"
+#include "datasets/io/lines.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/tag_families.h"
 #include "datasets/io/text.h"
@@ -23,13 +24,11 @@ std::string Metres(double value) {
   return buffer;
 }
 
-std::vector<std::string> Lines(const std::string& text) {
+std::vector<std::string> LinesOf(const std::string& text) {
   std::vector<std::string> lines;
-  for (size_t begin = 0; begin < text.size();) {
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    lines.push_back(text.substr(begin, end - begin));
-    if (!lines.back().empty() && lines.back().back() == '\r') lines.back().pop_back();
-    begin = end + 1;
+  for (std::string_view line : Lines(text)) {
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    lines.emplace_back(line);
   }
   return lines;
 }
@@ -172,7 +171,7 @@ TagsFileChange WithTagSizes(const std::string& old_text, const std::string& fami
   }
   change.added = static_cast<int>(add.size());
   change.changed = static_cast<int>(set.size());
-  std::vector<std::string> lines = Lines(text);
+  std::vector<std::string> lines = LinesOf(text);
   if (!families.empty())
     AddToBlock(&lines, "families", "of tags of another family", TagFamilies(old.family).others(), families);
   const Block block = AddToBlock(&lines, "sizes_m", "edge of the black square", AsText(old.sizes_m), AsText(add));

@@ -59,6 +59,21 @@ std::string_view Trim(std::string_view text) {
   return text.substr(first, text.find_last_not_of(kSpace) - first + 1);
 }
 
+std::string LowerCase(std::string text) {
+  for (char& c : text) {
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  }
+  return text;
+}
+
+std::string CommentLines(const std::vector<std::string>& comments) {
+  std::string text;
+  for (const std::string& comment : comments) text += "# " + comment + "\n";
+  return text;
+}
+
+std::string LowerExtension(const std::filesystem::path& file) { return LowerCase(file.extension().string()); }
+
 std::vector<std::string_view> SplitFields(std::string_view text) {
   std::vector<std::string_view> fields;
   for (size_t at = text.find_first_not_of(kSpace); at != std::string_view::npos;) {
@@ -133,6 +148,11 @@ std::string NearestName(std::string_view name, const std::vector<std::string>& c
     if (distance < best_distance) best = candidate, best_distance = distance;
   }
   return best;
+}
+
+std::string NearestHint(std::string_view name, const std::vector<std::string>& candidates, const std::string& nearest) {
+  const std::string found = NearestName(name, candidates);
+  return found.empty() ? "" : "; " + nearest + ": '" + found + "'";
 }
 
 std::string FileLine(const std::filesystem::path& file, int line) { return file.string() + ":" + std::to_string(line); }

@@ -14,6 +14,8 @@ namespace trigpoint {
 
 // Without surrounding spaces, tabs and line ends.
 std::string_view Trim(std::string_view text);
+std::string LowerCase(std::string text);                           // of ASCII letters
+std::string LowerExtension(const std::filesystem::path& file);     // ".jpg"
 std::vector<std::string_view> SplitFields(std::string_view text);  // at runs of spaces and tabs
 
 // A whole field as a number, dot decimal whatever the locale says; nothing if anything else stands there.
@@ -25,6 +27,11 @@ std::optional<int64_t> ParseUtcToNs(std::string_view text);
 
 // The candidate most like `name` (edit distance), or "" if there are none.
 std::string NearestName(std::string_view name, const std::vector<std::string>& candidates);
+// "; nearest: 'x'" for the end of a message, or "" if there are none.
+std::string NearestHint(std::string_view name, const std::vector<std::string>& candidates,
+                        const std::string& nearest = "nearest");
+
+std::string CommentLines(const std::vector<std::string>& comments);  // each behind "# "
 
 // A word as a POSIX shell needs it: quoted only where it must be.
 std::string ShellWord(const std::string& word);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <map>
 
 #include "calib/base/error.h"
@@ -172,5 +173,17 @@ YamlMap YamlMap::Map(const std::string& key, const std::vector<std::string>& kno
 }
 
 YamlMap YamlMap::MapOfAnyKeys(const std::string& key) const { return AnyKeys(file_, Node(key), Name(key)); }
+
+std::string YamlNumber(double value) {
+  char buffer[64];
+  std::snprintf(buffer, sizeof(buffer), "%.15g", value);
+  return buffer;
+}
+
+std::string YamlList(const std::vector<double>& values) {
+  std::string text = "[";
+  for (size_t i = 0; i < values.size(); ++i) text += (i == 0 ? "" : ", ") + YamlNumber(values[i]);
+  return text + "]";
+}
 
 }  // namespace trigpoint

@@ -17,6 +17,10 @@ YAML::Node LoadYaml(const std::filesystem::path& file);
 // Parses a file's text, tabs or not. OpenCV's first line "%YAML:1.0", which is no YAML, may stand there.
 YAML::Node ParseYaml(const std::filesystem::path& file, std::string text);
 
+// A number as it is written into a file, and a list of them on one line.
+std::string YamlNumber(double value);
+std::string YamlList(const std::vector<double>& values);
+
 // A map of a YAML file. Every accessor throws InputError "file:line: key 'x': expected ..., found ...".
 class YamlMap {
  public:

@@ -6,10 +6,12 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <ctime>
 #include <vector>
+
+#include "datasets/io/capture_date.h"
+#include "datasets/io/text.h"
 
 namespace trigpoint {
 
@@ -72,18 +74,17 @@ std::string DumpJson(const nlohmann::json& value, int indent) {
   return value.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
+nlohmann::json ReadJsonOrNothing(const fs::path& file) {
+  if (!fs::exists(file)) return nlohmann::json::object();
+  nlohmann::json value = nlohmann::json::parse(ReadTextFile(file), nullptr, false);
+  return value.is_object() ? value : nlohmann::json::object();
+}
+
 std::string UserName() {
   const passwd* entry = getpwuid(getuid());
   return entry != nullptr ? entry->pw_name : std::to_string(getuid());
 }
 
-std::string UtcTimeText() {
-  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text;
-}
+std::string UtcTimeText() { return UtcOfSeconds(std::time(nullptr)); }
 
 }  // namespace trigpoint

@@ -27,6 +27,9 @@ std::string RelativeTo(const std::filesystem::path& root, const std::filesystem:
 // JSON as text; bytes of a file name that are not UTF-8 are replaced instead of failing.
 std::string DumpJson(const nlohmann::json& value, int indent = -1);
 
+// A JSON object; an empty one where there is no such file or something else is in it.
+nlohmann::json ReadJsonOrNothing(const std::filesystem::path& file);
+
 // The user of this process.
 std::string UserName();
 

@@ -56,8 +56,8 @@ bool Convert(const nlohmann::json& json, std::string& value) {
 }
 
 std::string UnknownOption(const std::string& where, const std::string& name, const std::vector<std::string>& known) {
-  const std::string nearest = NearestName(name.substr(name.rfind('.') + 1), known);
-  return where + ": unknown option '" + name + "'" + (nearest.empty() ? "" : "; nearest known one: '" + nearest + "'");
+  return where + ": unknown option '" + name + "'" +
+         NearestHint(name.substr(name.rfind('.') + 1), known, "nearest known one");
 }
 
 std::string WrongType(const std::string& where, const std::string& name, const char* expected,

@@ -9,6 +9,7 @@
 #include <optional>
 #include <set>
 
+#include "calib/base/counted.h"
 #include "datasets/io/expired_panoramas.h"
 #include "datasets/io/geodetic_mean.h"
 #include "datasets/io/kept_input.h"
@@ -140,10 +141,6 @@ Geodetic Rounded(const Geodetic& g) {
           std::round(g.height_m * 1e4) / 1e4};
 }
 
-std::string Count(size_t n, const std::string& one, const std::string& many) {
-  return fmt::format("{} {}", n, n == 1 ? one : many);
-}
-
 std::string Quoted(const std::string& text) { return DumpJson(text); }  // JSON's strings are YAML's
 
 std::string QuotedList(const std::vector<std::string>& names) {
@@ -168,15 +165,15 @@ std::string DescribeRun(const Run& run) {
         static_cast<size_t>(std::count_if(run.images.begin(), run.images.end(), [&](const ImageEntry& image) {
           return PictureOf(run, image) == image.file;
         }));
-    parts.push_back(Count(pictures, video ? "video frame" : "image", video ? "video frames" : "images"));
+    parts.push_back(Counted(pictures, video ? "video frame" : "image", video ? "video frames" : "images"));
   }
   if (!run.detections.empty()) parts.push_back("detections.csv");
   const auto views = static_cast<size_t>(std::count_if(
       run.cameras.begin(), run.cameras.end(), [](const BodyCamera& camera) { return camera.IsFurtherView(); }));
-  if (!run.cameras.empty()) parts.push_back(Count(run.cameras.size() - views, "camera", "cameras"));
+  if (!run.cameras.empty()) parts.push_back(Counted(run.cameras.size() - views, "camera"));
   if (views > 0) parts.push_back(fmt::format("360 images in {} views each", views + 1));
-  if (!run.odometry.poses.empty()) parts.push_back(Count(run.odometry.poses.size(), "odometry pose", "odometry poses"));
-  if (!run.gps.empty()) parts.push_back(Count(run.gps.size(), "GPS fix", "GPS fixes"));
+  if (!run.odometry.poses.empty()) parts.push_back(Counted(run.odometry.poses.size(), "odometry pose"));
+  if (!run.gps.empty()) parts.push_back(Counted(run.gps.size(), "GPS fix", "GPS fixes"));
   return fmt::format("run {}: {}", run.name,
                      parts.empty() ? "nothing that can be used" : fmt::format("{}", fmt::join(parts, ", ")));
 }
@@ -186,7 +183,7 @@ void DescribeControl(const Site& site, InitReport& report) {
     const auto control = std::count_if(site.control_points.begin(), site.control_points.end(),
                                        [](const ControlPoint& p) { return p.control; });
     report.found.push_back(fmt::format("{}, {} of them for checks only",
-                                       Count(site.control_points.size(), "control point", "control points"),
+                                       Counted(site.control_points.size(), "control point"),
                                        site.control_points.size() - static_cast<size_t>(control)));
   }
   if (fs::exists(site.dir / "total_station.csv")) report.found.push_back("readings of a total station");
@@ -219,10 +216,10 @@ void Describe(const Site& site, const std::optional<SiteOrigin>& origin, InitRep
     ++kinds[static_cast<size_t>(reference.kind)];
     positions += reference.geotag.has_position ? 1 : 0;
   }
-  if (kinds[0] > 0) report.found.push_back(Count(kinds[0], "panorama", "panoramas"));
-  if (kinds[1] > 0) report.found.push_back(Count(kinds[1], "geotagged photo", "geotagged photos"));
-  if (kinds[2] > 0) report.found.push_back(Count(kinds[2], "hand-held photo set", "hand-held photo sets"));
-  if (!site.stations.empty()) report.found.push_back(Count(site.stations.size(), "station", "stations"));
+  if (kinds[0] > 0) report.found.push_back(Counted(kinds[0], "panorama"));
+  if (kinds[1] > 0) report.found.push_back(Counted(kinds[1], "geotagged photo"));
+  if (kinds[2] > 0) report.found.push_back(Counted(kinds[2], "hand-held photo set"));
+  if (!site.stations.empty()) report.found.push_back(Counted(site.stations.size(), "station"));
   if (site.tags.Given()) {
     report.found.push_back(fmt::format("tags of family {}{}", site.tags.family,
                                        site.tags.size_m > 0 ? fmt::format(", {} m", site.tags.size_m) : ""));
@@ -325,22 +322,19 @@ std::optional<SiteOrigin> FindOrigin(const Site& site) {
     if (point.geodetic) control.Add(*point.geodetic, true);
   }
   if (control.count() > 0) {
-    return SiteOrigin{Rounded(control.Mean()),
-                      "the mean of " + Count(static_cast<size_t>(control.count()), "control point", "control points")};
+    return SiteOrigin{Rounded(control.Mean()), "the mean of " + Counted(control.count(), "control point")};
   }
   for (const Reference& reference : site.references) {
     if (reference.geotag.has_position) references.Add(reference.geotag.position, reference.geotag.has_height);
   }
   if (references.count() > 0) {
-    return SiteOrigin{Rounded(references.Mean()),
-                      "the mean of " + Count(static_cast<size_t>(references.count()), "geotag", "geotags")};
+    return SiteOrigin{Rounded(references.Mean()), "the mean of " + Counted(references.count(), "geotag")};
   }
   for (const Run& run : site.runs) {
     for (const GpsFix& fix : run.gps) gps.Add(fix.position, fix.sigma_v_m < kUnknownHeightSigma);
   }
   if (gps.count() > 0) {
-    return SiteOrigin{Rounded(gps.Mean()),
-                      "the mean of " + Count(static_cast<size_t>(gps.count()), "GPS fix", "GPS fixes")};
+    return SiteOrigin{Rounded(gps.Mean()), "the mean of " + Counted(gps.count(), "GPS fix", "GPS fixes")};
   }
   return std::nullopt;
 }
@@ -361,7 +355,7 @@ Project Project::OpenToCompute(const fs::path& dir) {
   Project project = Open(dir);
   if (expired > 0) {
     project.warnings_.push_back(
-        Count(static_cast<size_t>(expired), "panorama was", "panoramas were") +
+        Counted(expired, "panorama was", "panoramas were") +
         " deleted: their source forbids to keep them longer; import them again (panoramas.csv as it was: " +
         "results/replaced/)");
   }
@@ -390,9 +384,8 @@ void KeepListedRuns(const std::vector<std::string>& runs, const std::vector<std:
 void RequireRun(const std::string& run, const std::string& key, const std::vector<std::string>& there,
                 const fs::path& dir) {
   if (std::find(there.begin(), there.end(), run) != there.end()) return;
-  const std::string nearest = NearestName(run, there);
   throw InputError((dir / kProjectFile).string() + ": key '" + key + "': there is no run '" + run + "' below runs/" +
-                   (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
+                   NearestHint(run, there));
 }
 
 void TakeControlRoles(const Review& review, Site* site) {
@@ -534,9 +527,7 @@ const Run& Project::run(const std::string& name) const {
   if (const auto broken = site_.broken_runs.find(name); broken != site_.broken_runs.end()) {
     throw InputError(broken->second);
   }
-  const std::string nearest = NearestName(name, RunNames());
-  throw InputError("project " + dir_.string() + " has no run '" + name + "'" +
-                   (nearest.empty() ? "" : "; nearest: '" + nearest + "'"));
+  throw InputError("project " + dir_.string() + " has no run '" + name + "'" + NearestHint(name, RunNames()));
 }
 
 std::vector<std::string> Project::RunNames() const { return NamesOfRuns(site_); }

@@ -154,8 +154,7 @@ void AddDetections(const Project& project, std::vector<std::string>& objects) {
 }
 
 [[noreturn]] void ThrowUnknown(const std::string& text, const std::vector<std::string>& objects) {
-  const std::string nearest = NearestName(text, objects);
-  throw InputError("there is no '" + text + "' to review" + (nearest.empty() ? "" : "; nearest: '" + nearest + "'") +
+  throw InputError("there is no '" + text + "' to review" + NearestHint(text, objects) +
                    "; expected image:RUN/FILE, detection:RUN/FILE#TAG, tag:TAG, station:NAME, panorama:NAME or "
                    "control:TAG");
 }

@@ -6,10 +6,12 @@
 #include <sstream>
 
 #include "app/pipeline/reviewed.h"
+#include "app/pipeline/rolling_tags.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 #include "eval/errors/reference_maps.h"
 #include "eval/evidence/rolling_tags.h"
+#include "survey/tags/excluded_detections.h"
 
 namespace trigpoint {
 namespace {

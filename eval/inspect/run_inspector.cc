@@ -8,11 +8,15 @@
 #include <map>
 #include <set>
 
+#include "app/pipeline/command_line.h"
+#include "app/pipeline/drawn_views.h"
+#include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/rig_file.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/reference_parts.h"
 #include "datasets/project/stage.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"

@@ -24,9 +24,6 @@ struct Compared {
 // `written`: a project's folder, a release's, one with errors.csv, or any with @VARIANT behind it. Throws InputError.
 Compared OpenCompared(const std::string& written);
 
-// A JSON object; an empty one where there is no such file or something else is in it.
-nlohmann::json ReadJsonOrNothing(const std::filesystem::path& file);
-
 // What differs between two sides in inputs, options and versions of their stages, one line each.
 std::vector<std::string> ChangesBetween(const Compared& a, const Compared& b);
 

@@ -3,14 +3,17 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <exiv2/exiv2.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <random>
+#include <thread>
 
 #include "datasets/io/csv.h"
 #include "datasets/io/csv_dialect.h"
 #include "datasets/io/exif_positions.h"
 #include "datasets/io/gps.h"
+#include "datasets/io/photo_tilt.h"
 #include "datasets/io/tables.h"
 #include "tests/datasets/io_temp_dir.h"
 
@@ -293,6 +296,41 @@ TEST_F(ExifPositions, ShowThatPhotosOfAWalkAreNoSet) {
   for (int i = 0; i < 29; ++i) Picture(fmt::format("photos/walk/{}.jpg", i), walk[static_cast<size_t>(i)]);
   EXPECT_TRUE(ReadPhotoSets(dir_ / "photos", &warnings).empty());
   EXPECT_THAT(Joined(warnings), HasSubstr("photos/walk: the EXIF positions of 29 photos span 76 m"));
+}
+
+// As file managers leave them: ".thumbnails", "._1.jpg".
+TEST_F(ExifPositions, HiddenFoldersAndFilesAreNoPhotoSets) {
+  for (const char* folder : {"spot", ".thumbnails"}) {
+    for (int i = 0; i < 3; ++i) Picture(fmt::format("photos/{}/{}.jpg", folder, i), 0.1 * i);
+  }
+  Picture("photos/spot/._1.jpg", 0);
+  std::vector<std::string> warnings;
+  const std::vector<Reference> sets = ReadPhotoSets(dir_ / "photos", &warnings);
+  ASSERT_EQ(sets.size(), 1u);
+  EXPECT_EQ(sets[0].name, "spot");
+  EXPECT_EQ(sets[0].files.size(), 3u);
+  EXPECT_THAT(Joined(warnings), testing::Not(HasSubstr(".thumbnails")));
+}
+
+// Exiv2's XMP parser has global state.
+TEST_F(ExifPositions, AreReadBesideTilts) {
+  Picture("tilted.jpg", 10);
+  const std::string file = dir_ / "tilted.jpg";
+  const auto image = Exiv2::ImageFactory::open(file);
+  image->readMetadata();
+  image->xmpData()["Xmp.GPano.PosePitchDegrees"] = "2.5";
+  image->writeMetadata();
+  std::atomic<int> right = 0;
+  std::vector<std::thread> threads;
+  for (int k = 0; k < 4; ++k) {
+    threads.emplace_back([&, tilt = k % 2 == 0] {
+      for (int i = 0; i < 50; ++i) {
+        right += tilt ? ReadPhotoTilt(file).pitch_deg == 2.5 : ReadPhotoMetadata(file).position.has_value();
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(right.load(), 200);
 }
 
 }  // namespace

@@ -65,6 +65,18 @@ TEST(Csv, NamesFileLineAndColumn) {
   EXPECT_EQ(warnings.size(), 3u);
 }
 
+TEST(Csv, LeavesBadRowsOutWhereNobodyAsksForProblems) {
+  const TempDir dir;
+  const CsvTable table = CsvTable::Read(dir.Write("t.csv", "a,b\n1,2\nx,3\n4\n5,6\n"), {"a", "b"});
+  std::vector<int64_t> used;
+  table.ForEachUsable(nullptr, [&](const CsvRow& row) { used.push_back(row.Integer("a")); });
+  EXPECT_EQ(used, (std::vector<int64_t>{1, 5}));
+  // A table without a good row is refused all the same.
+  const CsvTable bad = CsvTable::Read(dir.Write("bad.csv", "a,b\nx,3\n"), {"a", "b"});
+  EXPECT_THAT(MessageOf<InputError>([&] { bad.ForEachUsable(nullptr, [](const CsvRow& row) { row.Integer("a"); }); }),
+              HasSubstr("bad.csv:2: column a: expected a whole"));
+}
+
 TEST(Csv, NamesTheNearestColumn) {
   const TempDir dir;
   const auto file = dir.Write("t.csv", "station,tagid,east_m,lunch\nS,1,2,3\n");

@@ -56,6 +56,15 @@ TEST_F(ReviewTest, DetectionsGoWithTheirImageAndTheirTag) {
   EXPECT_TRUE(Open().review().ExcludesDetection("run2", "", 1'000'000'000, 1));
 }
 
+// Whoever reads the table names the rows.
+TEST_F(ReviewTest, BadRowsOfDetectionsAreLeftOut) {
+  folder_.Write("runs/run1/detections.csv",
+                "timestamp,tag_id,u0,v0,u1,v1,u2,v2,u3,v3\n1.0,1,10,20,20,20,20,10,10,10\n"
+                "2.0,x,10,20,20,20,20,10,10,10\n3.0,7\n");
+  EXPECT_EQ(Do("exclude", "run1/@1.000000000#1").object, "detection:run1/@1.000000000#1");
+  EXPECT_THROW(Do("exclude", "run1/@3.000000000#7"), InputError);
+}
+
 TEST_F(ReviewTest, RolesChangeTheControlPoints) {
   ASSERT_TRUE(Open().site().control_points[0].control);
   EXPECT_EQ(Do("role", "1").role, "check");

@@ -9,6 +9,7 @@
 #include "eval/errors/evaluation_files.h"
 #include "eval/gates/gate.h"
 #include "eval/gates/intervals.h"
+#include "eval/gates/judge_results.h"
 #include "eval/gates/measures.h"
 #include "eval/statistics/bootstrap.h"
 #include "eval/statistics/distributions.h"
@@ -249,6 +250,19 @@ TEST(Gates, CompleteValuesNeedNoInterval) {
   lost.tag_id = 8;
   EXPECT_EQ(judge({tag, lost}, 0.005).verdict, Verdict::kUndecided);
   EXPECT_THAT(judge({tag, lost}, 0.005).message, HasSubstr("no place was found for tag 8"));
+}
+
+TEST(GateLimits, AreReadAsPeopleWriteThem) {
+  std::vector<std::string> problems;
+  const json written = {{"max-median", 0.2}, {"survey", {{"max_tag_sigma", 0.01}}}};
+  const GateLimits limits = ReadLimits(written, "gates", &problems);
+  EXPECT_TRUE(problems.empty());
+  EXPECT_EQ(limits.evaluate.max_median_m, 0.2);
+  EXPECT_EQ(limits.survey.max_tag_sigma_m, 0.01);
+  EXPECT_EQ(JudgedStages(limits), (std::set<std::string>{"evaluate", "survey"}));
+  ReadLimits(json{{"max_medain", 0.2}}, "gates", &problems);
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_THAT(problems[0], HasSubstr("gates: unknown gate 'max_medain'; nearest known one: 'max_median_m'"));
 }
 
 }  // namespace

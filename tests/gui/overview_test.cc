@@ -19,7 +19,6 @@
 #include "app/desktop/overview_desk.h"
 #include "app/desktop/picture_view.h"
 #include "app/pipeline/jobs.h"
-#include "app/pipeline/reviewed.h"
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
 #include "datasets/project/review.h"

@@ -28,8 +28,8 @@
 #include "app/desktop/plan_desk.h"
 #include "app/desktop/site_tree.h"
 #include "app/desktop/station_card.h"
-#include "app/pipeline/marking.h"
 #include "datasets/io/text.h"
+#include "datasets/project/marking.h"
 #include "eval/text/method_name.h"
 #include "tests/gui/gui_driver.h"
 

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <ctime>
 #include <mutex>
@@ -69,8 +68,7 @@ struct HttpClient::Transfer {
   static size_t OnHeader(char* data, size_t size, size_t count, void* user) {
     auto* transfer = static_cast<Transfer*>(user);
     const std::string line(data, size * count);
-    std::string name = line.substr(0, line.find(':'));
-    std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
+    const std::string name = LowerCase(line.substr(0, line.find(':')));
     const std::string value(line.size() > name.size() ? Trim(std::string_view(line).substr(name.size() + 1)) : "");
     if (name == "retry-after") transfer->retry_after_s = RetryAfterOf(value);
     if (name == "content-range") transfer->range = value;

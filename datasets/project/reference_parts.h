@@ -7,25 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/stages.h"
-#include "localize/reconstruct/kept_features.h"
-#include "localize/references/vocabulary.h"
+#include "calib/base/progress.h"
+#include "datasets/project/project.h"
 
 namespace trigpoint {
-
-struct ReferenceOptions : FeatureStageOptions {
-  CodebookOptions codebook;
-
-  template <typename Self, typename Visitor>
-  static void Visit(Self& self, Visitor&& visit) {
-    FeatureStageOptions::Visit(self, visit);
-    visit(self.codebook, {"codebook", "", 0, 0, "visual words of the views"});
-  }
-  std::vector<std::string> Check() const { return CheckRanges(*this); }
-};
-
-// How the panoramas' views were drawn; as the project says where none are.
-ViewOptions ViewOptionsOf(const Project& project);
 
 // Names of the parts: "", or "000of004" and so on. A reference belongs to one by its name alone, so that others may
 // come and go; the number of parts doubles where the site outgrows it.

@@ -1,11 +1,12 @@
-#include "app/pipeline/reviewed.h"
+#include "eval/errors/changed_errors.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <tuple>
 
-#include "datasets/io/text.h"
+#include "calib/base/error.h"
+#include "datasets/project/files.h"
 
 namespace trigpoint {
 
@@ -47,29 +48,16 @@ std::vector<ReviewedError> ChangedErrors(const std::vector<ErrorRow>& before, co
   return changed;
 }
 
-JobQuery ReviewQuery(const std::string& variant) {
-  JobQuery query;
-  for (const StageInfo& stage : Stages()) {
-    // A decision does not ask for a first result.
-    if (!stage.reviewed.empty() && !stage.first_on_request) query.stages.push_back(stage.name);
-  }
-  query.variants = {variant};
-  return query;
-}
-
 std::vector<ErrorRow> ErrorsOf(const Project& project, const std::string& variant) {
-  StageTarget target;
-  target.variant = variant;
+  const std::string at = variant.empty() ? "" : "@" + variant;
   std::vector<ErrorRow> rows;
-  const fs::path errors = ResultOf(project, "evaluate", target) / "errors.csv";
+  const fs::path errors = project.ResultDir("evaluate", at) / "errors.csv";
   try {
     if (fs::exists(errors)) rows = ReadErrors(errors);
   } catch (const InputError&) {  // of another version: nothing to compare with
   }
-  const fs::path map = ResultOf(project, "survey", target) / "summary.json";
-  if (!fs::exists(map)) return rows;
-  const nlohmann::json summary = nlohmann::json::parse(ReadTextFile(map), nullptr, false);
-  if (!summary.is_object() || !summary.contains("points")) return rows;
+  const nlohmann::json summary = ReadJsonOrNothing(project.ResultDir("survey", at) / "summary.json");
+  if (!summary.contains("points")) return rows;
   for (const nlohmann::json& point : summary.at("points")) {
     ErrorRow row;
     row.reference = "survey";

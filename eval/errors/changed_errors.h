@@ -1,12 +1,11 @@
-// The review laid over what stages read, and what a decision changed.
+// What a decision of the review changed in the errors at stations and check points.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "app/pipeline/jobs.h"
-#include "datasets/project/review.h"
+#include "datasets/project/project.h"
 #include "eval/errors/evaluation_files.h"
 #include "survey/tags/excluded_detections.h"
 
@@ -25,8 +24,6 @@ struct ReviewedError {
 // What re-solving changed at stations and check points: rows that differ by more than `least_m` or in status.
 std::vector<ReviewedError> ChangedErrors(const std::vector<ErrorRow>& before, const std::vector<ErrorRow>& after,
                                          double least_m = 1e-6);
-// What makes every result anew that rests on the review.
-JobQuery ReviewQuery(const std::string& variant);
 // errors.csv of a variant, and the check points of its tag map (reference survey; the status is the point's role).
 // Empty where there is nothing that can be read.
 std::vector<ErrorRow> ErrorsOf(const Project& project, const std::string& variant);

@@ -1,4 +1,4 @@
-#include "app/pipeline/reference_parts.h"
+#include "datasets/project/reference_parts.h"
 
 #include <fmt/format.h>
 
@@ -9,6 +9,7 @@
 #include "datasets/project/files.h"
 #include "datasets/project/manifest.h"
 #include "datasets/project/result_part.h"
+#include "datasets/project/stage.h"
 
 namespace trigpoint {
 namespace {
@@ -29,15 +30,6 @@ uint64_t Mixed(uint64_t hash) {
 }
 
 }  // namespace
-
-ViewOptions ViewOptionsOf(const Project& project) {
-  StageTarget first, as_made;
-  first.part = ReferenceParts(project.site()).front();
-  const auto manifest = ReadManifest(project, "references", ResultName(StageNamed("references"), first));
-  if (manifest && manifest->contains("options") && (*manifest)["options"].contains("views"))
-    as_made.overrides["references"]["views"] = (*manifest)["options"]["views"];
-  return ResolveOptions<ReferenceOptions>(project, "references", as_made).views;
-}
 
 std::vector<std::string> ReferenceParts(const Site& site) {
   unsigned count = 1;
@@ -64,11 +56,8 @@ std::string ParentPart(const std::string& part) {
 
 std::vector<std::filesystem::path> ReferenceResults(const Project& project) {
   std::vector<std::filesystem::path> results;
-  for (const std::string& part : ReferenceParts(project.site())) {
-    StageTarget target;
-    target.part = part;
-    results.push_back(ResultOf(project, "references", target));
-  }
+  for (const std::string& part : ReferenceParts(project.site()))
+    results.push_back(project.ResultDir("references", part.empty() ? "" : "@" + part));
   return results;
 }
 

@@ -1,5 +1,5 @@
 // Marks of points: names of images as files shorten them, several programs that write at the same time.
-#include "app/pipeline/marking.h"
+#include "datasets/project/marking.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>

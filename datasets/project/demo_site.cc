@@ -1,4 +1,4 @@
-#include "app/pipeline/demo_site.h"
+#include "datasets/project/demo_site.h"
 
 #include <string>
 #include <vector>
