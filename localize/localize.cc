@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 
+#include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
 #include "calib/geometry/similarity.h"
@@ -92,9 +93,7 @@ double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& ta
       errors.push_back(SquaredError(r.problem, r.problem.observations[k]));
   }
   if (errors.size() < 50) return 1;
-  const size_t middle = errors.size() / 2;
-  std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(middle), errors.end());
-  return std::sqrt(errors[middle] / 1.386);  // median of chi-square with 2 dof
+  return std::sqrt(Median(std::move(errors)) / 1.386);  // median of chi-square with 2 dof
 }
 
 // Of the solved problem, with what the lenses and the references' views leave open.

@@ -637,8 +637,7 @@ class Stitcher {
     std::vector<double> angles;
     for (const RigPoint& p : out_.state.points) angles.push_back(std::abs(p.inverse_distance) * out_.state.radius_m);
     if (angles.empty() || !ring_closed_) return;
-    std::nth_element(angles.begin(), angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2), angles.end());
-    parallax_ = std::clamp(1.4826 * angles[angles.size() / 2], kLeastParallax, kMostParallax);
+    parallax_ = std::clamp(1.4826 * Median(std::move(angles)), kLeastParallax, kMostParallax);
   }
 
   void Finish(const std::function<cv::Mat(const Photo&)>& load_grey) {
@@ -915,8 +914,7 @@ class Stitcher {
     }
     if (r2.size() < 20 || dof <= 0) return 1;
     const double share = dof / (2.0 * static_cast<double>(r2.size()));  // of the noise that fitting leaves visible
-    std::nth_element(r2.begin(), r2.begin() + static_cast<std::ptrdiff_t>(r2.size() / 2), r2.end());
-    return std::clamp(std::sqrt(r2[r2.size() / 2] / 1.386 / std::max(0.2, share)), kLeastNoisePx, 5.0);
+    return std::clamp(std::sqrt(Median(std::move(r2)) / 1.386 / std::max(0.2, share)), kLeastNoisePx, 5.0);
   }
 
   std::string WhyNotPlaced(int i) const {

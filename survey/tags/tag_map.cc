@@ -785,9 +785,8 @@ bool MapSolver::SnoopSights(int round) {
     if (!s.rejected) used.push_back(chi2[i]);
   }
   if (used.empty()) return false;
-  std::nth_element(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(used.size() / 2), used.end());
   // Before the corners' sigma is known to be right, it is judged by the median (of chi-square 8: 7.344).
-  const double gate = options_.snooping_chi2 * std::max(1.0, used[used.size() / 2] / 7.344);
+  const double gate = options_.snooping_chi2 * std::max(1.0, Median(std::move(used)) / 7.344);
   outvoted_ = false;
   // A picture that the rest of its visit contradicts is wrong by itself, not by odometry's drift, however small the
   // error.
