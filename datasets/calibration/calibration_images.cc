@@ -3,12 +3,12 @@
 #include <glob.h>
 
 #include <algorithm>
-#include <cctype>
 #include <map>
 #include <set>
 
 #include "calib/base/error.h"
 #include "datasets/io/natural_order.h"
+#include "datasets/io/text.h"
 
 namespace trigpoint {
 namespace {
@@ -18,9 +18,7 @@ namespace fs = std::filesystem;
 bool IsPicture(const fs::path& file) {
   static const std::set<std::string> kEndings = {".jpg", ".jpeg", ".png", ".tif", ".tiff",
                                                  ".bmp", ".pgm",  ".ppm", ".webp"};
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
-  return kEndings.count(ending) > 0;
+  return kEndings.contains(Lower(file.extension().string()));
 }
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }

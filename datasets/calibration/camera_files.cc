@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -431,7 +430,7 @@ Camera OpenCvCamera(const std::string& where, const std::vector<double>& k, std:
   }
   if (std::abs(k[1]) > 1e-6 * std::abs(k[0])) throw InputError(where + ": a camera matrix with skew is not supported");
   std::vector<double> params = {k[0], k[4], k[2], k[5]};
-  std::transform(model.begin(), model.end(), model.begin(), [](unsigned char c) { return std::tolower(c); });
+  model = Lower(model);
   const bool fisheye = model == "equidistant" || model == "fisheye" || model == "kannala_brandt";
   static const std::vector<std::string> kKnown = {
       "",        "plumb_bob", "rational_polynomial", "radtan",  "rational",

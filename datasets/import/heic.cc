@@ -24,9 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 bool IsHeicName(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string ending = Lower(file.extension().string());
   return ending == ".heic" || ending == ".heif" || ending == ".hif";
 }
 

@@ -185,13 +185,6 @@ void ReadMapillary(const std::string& description, PhotoMetadata* metadata) {
   }
 }
 
-std::string LowerExtension(const std::filesystem::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
-
 }  // namespace
 
 PhotoMetadata ReadPhotoMetadata(const std::filesystem::path& file) {
@@ -265,7 +258,7 @@ GeoTag GeoTagFromMetadata(const PhotoMetadata& metadata, const std::filesystem::
 }
 
 bool IsPictureName(const std::filesystem::path& file) {
-  const std::string extension = LowerExtension(file);
+  const std::string extension = Lower(file.extension().string());
   return extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".tif" ||
          extension == ".tiff";
 }
@@ -273,7 +266,7 @@ bool IsPictureName(const std::filesystem::path& file) {
 bool IsVideoName(const std::filesystem::path& file) {
   static const std::vector<std::string> known = {".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mpg", ".mpeg",
                                                  ".ts",  ".mts", ".wmv", ".3gp", ".ogv", ".insv", ".360"};
-  return std::find(known.begin(), known.end(), LowerExtension(file)) != known.end();
+  return std::find(known.begin(), known.end(), Lower(file.extension().string())) != known.end();
 }
 
 std::vector<std::filesystem::path> PicturesIn(const std::filesystem::path& dir) {

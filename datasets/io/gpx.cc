@@ -1,7 +1,5 @@
 #include <expat.h>
 
-#include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <memory>
@@ -32,9 +30,7 @@ struct Parser {
 // Without the prefix of a namespace, in lower case: programs differ in both.
 std::string LocalName(const char* name) {
   const char* colon = std::strrchr(name, ':');
-  std::string local = colon == nullptr ? name : colon + 1;
-  std::transform(local.begin(), local.end(), local.begin(), [](unsigned char c) { return std::tolower(c); });
-  return local;
+  return Lower(colon == nullptr ? name : colon + 1);
 }
 
 void OnStart(void* data, const char* name, const char** attributes) {

@@ -165,6 +165,12 @@ double TagDetection::SigmaPx() const {
   return std::sqrt(sum / 4);
 }
 
+double TagDetection::ShortestSide() const {
+  double side = 1e300;
+  for (int k = 0; k < 4; ++k) side = std::min(side, (corners[(k + 1) % 4] - corners[k]).norm());
+  return side;
+}
+
 Eigen::Vector3d TagCorner(double size_m, int k) {
   const double h = 0.5 * size_m;
   return {k == 1 || k == 2 ? h : -h, k < 2 ? h : -h, 0};

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <ctime>
 #include <mutex>
@@ -23,13 +22,10 @@ namespace {
 // RFC 9111, as far as it limits a private cache.
 std::optional<int64_t> MaxAgeOf(const std::string& cache_control) {
   std::optional<int64_t> age;
-  for (size_t begin = 0; begin <= cache_control.size();) {
-    const size_t end = std::min(cache_control.find(',', begin), cache_control.size());
-    const std::string_view part = Trim(std::string_view(cache_control).substr(begin, end - begin));
+  for (const std::string_view part : SplitAt(cache_control, ',')) {
     constexpr std::string_view kMaxAge = "max-age=";
     if (part == "no-store") return 0;
     if (part.starts_with(kMaxAge)) age = ParseInt(part.substr(kMaxAge.size()));
-    begin = end + 1;
   }
   return age;
 }
@@ -69,8 +65,7 @@ struct HttpClient::Transfer {
   static size_t OnHeader(char* data, size_t size, size_t count, void* user) {
     auto* transfer = static_cast<Transfer*>(user);
     const std::string line(data, size * count);
-    std::string name = line.substr(0, line.find(':'));
-    std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
+    const std::string name = Lower(line.substr(0, line.find(':')));
     const std::string value(line.size() > name.size() ? Trim(std::string_view(line).substr(name.size() + 1)) : "");
     if (name == "retry-after") transfer->retry_after_s = RetryAfterOf(value);
     if (name == "content-range") transfer->range = value;
