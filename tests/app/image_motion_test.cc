@@ -8,8 +8,8 @@
 
 #include "app/pipeline/survey_input.h"
 #include "datasets/io/gps.h"
-#include "tests/datasets/io_temp_dir.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "app/pipeline/reference_parts.h"
 #include "app/pipeline/single_job.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

@@ -8,7 +8,7 @@
 #include "app/pipeline/survey_input.h"
 #include "calib/geometry/pose_readings.h"
 #include "datasets/project/manifest.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

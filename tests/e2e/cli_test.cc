@@ -7,8 +7,8 @@
 
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
-#include "tests/datasets/project_folder.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

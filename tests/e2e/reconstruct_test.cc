@@ -10,8 +10,8 @@
 #include "datasets/io/trajectory.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
-#include "tests/datasets/project_folder.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

@@ -14,7 +14,7 @@
 #include "calib/estimation/manifold.h"
 #include "calib/estimation/random.h"
 #include "calib/geo/geodetic.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
