@@ -23,10 +23,7 @@ using testing::HasSubstr;
 class Reconstructed : public testing::Test {
  protected:
   Reconstructed() {
-    fs::remove(folder_ / "control_points.csv");
-    fs::remove_all(folder_ / "runs");
-    fs::copy("datasets/parking_lot", folder_.dir(), fs::copy_options::recursive);
-    for (const char* part : {"runs/run1", "photos"}) fs::remove_all(folder_ / part);
+    folder_.CopySecondRunOfParkingLot();
     Configure("");
   }
   void Configure(const std::string& more) const {

@@ -187,22 +187,16 @@ TEST(EvaluateCommand, UsesMeasuredOffsetsWhenAsked) {
              "estimated_north_m,estimated_up_m,sigma_east_m,sigma_north_m,sigma_up_m\n"
              "S3,pano3,3,contradicts,,0,0,1,1,0,1,0.01,0.01,0.02\nS4,pano4,4,unseen,,0,0,1,,,,,,\n");
   ASSERT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
-  const auto shared = [&](const std::string& station) {
+  const auto value = [&](const std::string& station, const char* column) {
     const CsvTable errors = CsvTable::Read(fs::path(site.dir()) / "results/evaluate/errors.csv", {});
     for (const CsvRow& row : errors.rows()) {
       if (row.Text("station") == station && row.Text("reference") == "control" && row.Text("run") == "run1")
-        return row.Text("shares_evidence");
+        return row.Text(column);
     }
     return std::string("no such row");
   };
-  const auto east = [&](const std::string& station) {
-    const CsvTable errors = CsvTable::Read(fs::path(site.dir()) / "results/evaluate/errors.csv", {});
-    for (const CsvRow& row : errors.rows()) {
-      if (row.Text("station") == station && row.Text("reference") == "control" && row.Text("run") == "run1")
-        return row.Number("de_m");
-    }
-    return HUGE_VAL;
-  };
+  const auto shared = [&](const std::string& station) { return value(station, "shares_evidence"); };
+  const auto east = [&](const std::string& station) { return ParseDouble(value(station, "de_m")).value_or(HUGE_VAL); };
   const double stated = east("S3"), other = east("S4");
   EXPECT_EQ(shared("S3"), "no");
   const Finished estimated = Trigpoint({"evaluate", site.dir(), "--offsets", "estimated"});

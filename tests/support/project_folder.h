@@ -29,6 +29,12 @@ class ProjectFolder {
   const std::filesystem::path& dir() const { return dir_; }
   std::filesystem::path operator/(const std::filesystem::path& file) const { return dir_ / file; }
   void Write(const std::string& file, const std::string& content) const { root_.Write(dir_ / file, content); }
+  // The second run of the embedded site in its place, without photos.
+  void CopySecondRunOfParkingLot() const {
+    std::filesystem::remove_all(dir_);
+    std::filesystem::copy("datasets/parking_lot", dir_, std::filesystem::copy_options::recursive);
+    for (const char* part : {"runs/run1", "photos"}) std::filesystem::remove_all(dir_ / part);
+  }
   std::string Read(const std::string& file) const { return root_.Read(dir_ / file); }
 
  private:
