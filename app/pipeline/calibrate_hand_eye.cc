@@ -9,6 +9,7 @@
 #include "calib/base/counted.h"
 #include "datasets/calibration/calibrate_files.h"
 #include "datasets/io/camchain.h"
+#include "datasets/io/json_matrix.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
@@ -134,17 +135,11 @@ void CalibrateHandEyeOfRun(const std::string& name, const HandEyeOptions& option
         camera.name, t.x(), t.y(), t.z(), sigma[3], sigma[4], sigma[5], sigma[0] / kDegToRad, sigma[1] / kDegToRad,
         sigma[2] / kDegToRad, change.head<3>().norm() / kDegToRad, change.tail<3>().norm(), result.scale,
         result.scale_sigma, result.rms_px, result.sights_used, result.sights, result.passes, unseen);
-    json rows = json::array();
-    for (int i = 0; i < 6; ++i) {
-      json row = json::array();
-      for (int k = 0; k < 6; ++k) row.push_back(covariance(i, k));
-      rows.push_back(row);
-    }
     documents.push_back(
         {{"name", camera.name},
          {"body_from_cam",
           {{"translation_m", {t.x(), t.y(), t.z()}}, {"quaternion_xyzw", {q.x(), q.y(), q.z(), q.w()}}}},
-         {"covariance", rows},
+         {"covariance", JsonRows(covariance)},
          {"sigma_rotation_deg", {sigma[0] / kDegToRad, sigma[1] / kDegToRad, sigma[2] / kDegToRad}},
          {"sigma_translation_m", {sigma[3], sigma[4], sigma[5]}},
          {"unseen_direction", {result.unseen_body.x(), result.unseen_body.y(), result.unseen_body.z()}},

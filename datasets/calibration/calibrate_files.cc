@@ -9,6 +9,7 @@
 #include "datasets/calibration/camera_files.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/json_matrix.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 
@@ -18,16 +19,6 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 namespace {
-
-json Matrix(const Eigen::MatrixXd& m) {
-  json rows = json::array();
-  for (Eigen::Index i = 0; i < m.rows(); ++i) {
-    json row = json::array();
-    for (Eigen::Index k = 0; k < m.cols(); ++k) row.push_back(m(i, k));
-    rows.push_back(row);
-  }
-  return rows;
-}
 
 Eigen::MatrixXd Correlation(const Eigen::MatrixXd& covariance) {
   const Eigen::VectorXd inverse = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
@@ -284,8 +275,8 @@ void WriteCalibration(const fs::path& out, const CalibrationInput& input, const 
                          {"cost", calibration.cost_after},
                          {"sigma_factor", calibration.sigma_factor},
                          {"covariance_of", calibration.labels},
-                         {"covariance", Matrix(calibration.covariance)},
-                         {"correlation", Matrix(Correlation(calibration.covariance))}};
+                         {"covariance", JsonRows(calibration.covariance)},
+                         {"correlation", JsonRows(Correlation(calibration.covariance))}};
   WriteFileAtomically(out / "calibration.json", DumpJson(document, 2) + "\n");
   WriteResiduals(out / "residuals.csv", input, calibration);
   WriteViews(out / "views.csv", input, calibration, left_out);

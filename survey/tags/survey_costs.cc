@@ -2,12 +2,21 @@
 
 #include <cmath>
 
+#include "calib/geo/geodetic.h"
+
 namespace trigpoint {
 namespace {
 
 constexpr double kOutOfSight = 300;  // residual of a corner that the camera cannot see, sigmas
 
 }  // namespace
+
+Vector6d OdometryStepSigma(double length_m, double seconds, double rotation_deg, double translation_m) {
+  const double root = std::sqrt(length_m + 0.01 * seconds + 1e-6);
+  Vector6d sigma;
+  sigma << Eigen::Vector3d::Constant(rotation_deg * kDegToRad * root), Eigen::Vector3d::Constant(translation_m * root);
+  return sigma;
+}
 
 bool TagCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   Matrix86d by_body, by_tag;

@@ -418,13 +418,9 @@ void MapSolver::AddOdometry() {
     if (before >= 0 && start_.frames[static_cast<size_t>(before)].run == frame.run) {
       const MapFrame& last = start_.frames[static_cast<size_t>(before)];
       const Rigid3d a_from_b = last.odom_from_body->Inverse() * *frame.odom_from_body;
-      // Random walk over the way travelled; a standing robot drifts a little with time.
       const double seconds = 1e-9 * static_cast<double>(frame.stamp_ns - last.stamp_ns);
       const double length = a_from_b.translation.norm();
-      const double root = std::sqrt(length + 0.01 * seconds + 1e-6);
-      Vector6d sigma;
-      sigma << Eigen::Vector3d::Constant(options_.odometry_rot_deg * kDegToRad * root),
-          Eigen::Vector3d::Constant(options_.odometry_m * root);
+      Vector6d sigma = OdometryStepSigma(length, seconds, options_.odometry_rot_deg, options_.odometry_m);
       const Eigen::Vector3d way = length * (frame.odom_from_body->rotation.conjugate() * Eigen::Vector3d::UnitZ());
       RunState& state = run_states_[r];
       const int index = static_cast<int>(f);
