@@ -5,10 +5,13 @@
 
 #include <QAbstractButton>
 #include <QAbstractItemView>
+#include <QAction>
 #include <QApplication>
 #include <QDir>
 #include <QFileDialog>
 #include <QLineEdit>
+#include <QMenu>
+#include <QMenuBar>
 #include <QMessageBox>
 #include <QMouseEvent>
 #include <QSettings>
@@ -134,6 +137,15 @@ class ResultsWindowTest : public testing::Test {
     window_ = OpenWindow(site_->path());
   }
   QString Path(const char* file) const { return site_->path() + "/" + file; }
+  QAction* MenuAction(const QString& text) {
+    for (QAction* menu : window_->menuBar()->actions()) {
+      for (QAction* action : menu->menu()->actions()) {
+        if (action->text().remove('&') == text) return action;
+      }
+    }
+    ADD_FAILURE() << text.toStdString();
+    return nullptr;
+  }
   void ShowScene() {
     window_->ShowDesk("scene");
     ASSERT_TRUE(WaitFor([&] { return window_->scene()->HasScene(); }));
