@@ -72,12 +72,6 @@ std::string FormatPaperTable(const PaperTable& paper, const TableOptions& option
   return FormatMarkdown(TableOf(paper), options) + "\n" + FormatStatistics("3D", s, options) + FormatShares(s);
 }
 
-std::string Join(const std::vector<std::string>& items) {
-  std::string text;
-  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
-  return text;
-}
-
 nlohmann::json Json(const std::optional<double>& value) { return value ? nlohmann::json(*value) : nlohmann::json(); }
 
 nlohmann::json Json(const std::optional<Interval>& value) {
@@ -377,7 +371,7 @@ std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& o
     text +=
         fmt::format("{}: estimate from {}; reference from {}\n\n",
                     g.group.shares_evidence ? "Agreement (both sides share evidence)" : "Accuracy (no evidence shared)",
-                    Join(g.estimate_rests_on), Join(g.reference_rests_on));
+                    fmt::join(g.estimate_rests_on, ", "), fmt::join(g.reference_rests_on, ", "));
   }
   if (options.paper_tables) {
     for (const PaperTable& paper : PaperTables()) text += FormatPaperTable(paper, options) + "\n";

@@ -1,5 +1,7 @@
 #include "eval/release/compared.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <map>
 #include <set>
@@ -82,12 +84,6 @@ std::vector<std::string> VariantsWithResults(const fs::path& results) {
   return {variants.begin(), variants.end()};
 }
 
-std::string Joined(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
 std::string Short(const json& value) {
   const std::string text = DumpJson(value);
   return text.size() > 60 ? text.substr(0, 57) + "..." : text;
@@ -130,9 +126,10 @@ Compared OpenCompared(const std::string& written) {
   const std::string at = variant.empty() ? "" : "@" + variant;
   const std::vector<std::string> known = VariantsWithResults(project.results());
   if (!variant.empty() && std::find(known.begin(), known.end(), variant) == known.end()) {
-    throw InputError(written + ": variant '" + variant + "' has no results; expected " +
-                     (known.empty() ? "results of a variant, found none" : "one of " + Joined(known)) +
-                     "; run `trigpoint run " + dir.string() + " --variant " + variant + "` first");
+    throw InputError(
+        written + ": variant '" + variant + "' has no results; expected " +
+        (known.empty() ? "results of a variant, found none" : fmt::format("one of {}", fmt::join(known, ", "))) +
+        "; run `trigpoint run " + dir.string() + " --variant " + variant + "` first");
   }
   // A variant's own tables, else its rows in those of the first set.
   const fs::path own = project.ResultDir("evaluate", at) / "errors.csv";

@@ -1,6 +1,7 @@
 #include "survey/tags/detection.h"
 
 #include <apriltag/apriltag.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -183,9 +184,7 @@ std::vector<std::string> DetectTagsOptions::Check() const {
     const TagFamilies wanted(family);
     for (const std::string& name : wanted.names()) {
       if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-      std::string all;
-      for (const std::string& other : known) all += (all.empty() ? "" : ", ") + other;
-      problems.push_back("option family is \"" + name + "\", expected one of " + all);
+      problems.push_back(fmt::format("option family is \"{}\", expected one of {}", name, fmt::join(known, ", ")));
     }
   } catch (const OptionError& e) {
     problems.push_back(std::string("option family: ") + e.what());
