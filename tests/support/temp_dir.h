@@ -27,7 +27,7 @@ class TempDir {
   TempDir(const TempDir&) = delete;
   TempDir& operator=(const TempDir&) = delete;
   const std::filesystem::path& path() const { return dir_; }
-  operator const std::filesystem::path&() const { return dir_; }
+  operator const std::filesystem::path&() const { return dir_; }  // NOLINT(google-explicit-constructor)
   std::string string() const { return dir_.string(); }
   std::filesystem::path operator/(const std::filesystem::path& name) const { return dir_ / name; }
   std::filesystem::path Write(const std::filesystem::path& name, const std::string& content) const {
