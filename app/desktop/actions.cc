@@ -22,12 +22,8 @@ QString Words(const char* text) { return QCoreApplication::translate("trigpoint:
 
 std::vector<std::string> SplitAtCommas(const std::string& text) {
   std::vector<std::string> parts;
-  for (size_t begin = 0; begin <= text.size();) {
-    const size_t end = std::min(text.find(',', begin), text.size());
-    if (const std::string part(Trim(std::string_view(text).substr(begin, end - begin))); !part.empty()) {
-      parts.push_back(part);
-    }
-    begin = end + 1;
+  for (const std::string_view part : SplitAt(text, ',')) {
+    if (!part.empty()) parts.emplace_back(part);
   }
   return parts;
 }

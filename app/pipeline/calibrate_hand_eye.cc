@@ -9,6 +9,7 @@
 #include "datasets/calibration/calibrate_files.h"
 #include "datasets/calibration/hand_eye_files.h"
 #include "datasets/io/camchain.h"
+#include "datasets/io/json_matrix.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/evidence/rolling_tags.h"

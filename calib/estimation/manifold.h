@@ -18,6 +18,17 @@ class Rigid3Manifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
+// Derivative by the tangent (rows x 6) to derivative by the 7-block, row by row, such that the manifold's PlusJacobian
+// gives it back.
+template <typename Derived>
+void ToAmbient(const Eigen::MatrixBase<Derived>& by_tangent, const double* block, double* jacobian) {
+  constexpr int kRows = Derived::RowsAtCompileTime;
+  const Eigen::Matrix<double, kRows, 6> evaluated = by_tangent;
+  Eigen::Matrix<double, 6, 7, Eigen::RowMajor> minus;
+  Rigid3Manifold().MinusJacobian(block, minus.data());
+  Eigen::Map<Eigen::Matrix<double, kRows, 7, Eigen::RowMajor>>{jacobian} = evaluated * minus;
+}
+
 // Reads and writes a 7-block.
 Rigid3d Rigid3FromBlock(const double* block);
 void Rigid3ToBlock(const Rigid3d& pose, double* block);

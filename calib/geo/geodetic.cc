@@ -20,6 +20,15 @@ void Check(const Geodetic& g) {
   }
 }
 
+// Columns: the world axes about which each angle turns the camera.
+Eigen::Matrix3d AnglesAxes(const Attitude& a, const Eigen::Quaterniond& world_from_cam) {
+  Eigen::Matrix3d axes;
+  axes.col(0) = -Eigen::Vector3d::UnitZ();  // heading grows clockwise seen from above
+  axes.col(1) = Eigen::Vector3d(std::cos(a.heading_rad), -std::sin(a.heading_rad), 0);
+  axes.col(2) = world_from_cam * Eigen::Vector3d::UnitZ();
+  return axes;
+}
+
 }  // namespace
 
 Eigen::Vector3d EcefFromGeodetic(const Geodetic& g) {
@@ -114,23 +123,14 @@ Attitude AttitudeOf(const Eigen::Quaterniond& world_from_cam) {
 }
 
 Eigen::Matrix3d AttitudeJacobian(const Eigen::Quaterniond& world_from_cam) {
-  // Columns of the inverse: the world axes about which each angle turns the camera.
-  const Attitude a = AttitudeOf(world_from_cam);
-  Eigen::Matrix3d axes;
-  axes.col(0) = -Eigen::Vector3d::UnitZ();  // heading grows clockwise seen from above
-  axes.col(1) = Eigen::Vector3d(std::cos(a.heading_rad), -std::sin(a.heading_rad), 0);
-  axes.col(2) = world_from_cam * Eigen::Vector3d::UnitZ();
-  const Eigen::FullPivLU<Eigen::Matrix3d> lu(axes);
+  const Eigen::FullPivLU<Eigen::Matrix3d> lu(AnglesAxes(AttitudeOf(world_from_cam), world_from_cam));
   if (!lu.isInvertible()) throw NumericError("heading is undefined: the camera looks straight up or down");
   return lu.inverse();
 }
 
 Eigen::Matrix3d AttitudeCovariance(const Attitude& a, double sigma_heading_rad, double sigma_pitch_rad,
                                    double sigma_roll_rad) {
-  Eigen::Matrix3d axes;
-  axes.col(0) = -Eigen::Vector3d::UnitZ();
-  axes.col(1) = Eigen::Vector3d(std::cos(a.heading_rad), -std::sin(a.heading_rad), 0);
-  axes.col(2) = WorldFromCamRotation(a) * Eigen::Vector3d::UnitZ();
+  const Eigen::Matrix3d axes = AnglesAxes(a, WorldFromCamRotation(a));
   const Eigen::Vector3d variance(sigma_heading_rad * sigma_heading_rad, sigma_pitch_rad * sigma_pitch_rad,
                                  sigma_roll_rad * sigma_roll_rad);
   return axes * variance.asDiagonal() * axes.transpose();

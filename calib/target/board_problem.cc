@@ -86,13 +86,6 @@ class BoardCost final : public ceres::CostFunction {
   }
 
  private:
-  // Derivative by the tangent to derivative by the 7-block, such that the manifold's PlusJacobian gives it back.
-  static void ToAmbient(const Matrix26& by_tangent, const double* block, double* jacobian) {
-    Eigen::Matrix<double, 6, 7, Eigen::RowMajor> minus;
-    Rigid3Manifold().MinusJacobian(block, minus.data());
-    Eigen::Map<Eigen::Matrix<double, 2, 7, Eigen::RowMajor>>{jacobian} = by_tangent * minus;
-  }
-
   const BoardGeometry& board_;
   const CameraState& camera_;
   BoardObservation observation_;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
+#include <utility>
 
 #include "calib/base/error.h"
 #include "calib/base/median.h"
@@ -221,13 +223,7 @@ class Calibrator {
   }
 
   std::vector<double> Rms() const {
-    std::vector<double> sum(problem_.cameras.size(), 0), n(sum.size(), 0);
-    for (const BoardObservation& o : problem_.observations) {
-      Eigen::Vector2d r = Eigen::Vector2d::Zero();
-      if (!problem_.IsActive(o) || !BoardResidual(problem_, o, &r)) continue;
-      sum[static_cast<size_t>(o.camera)] += r.squaredNorm();
-      n[static_cast<size_t>(o.camera)] += 1;
-    }
+    auto [sum, n] = SquaredResiduals();
     for (size_t c = 0; c < sum.size(); ++c) sum[c] = n[c] > 0 ? std::sqrt(sum[c] / n[c]) : 0;
     return sum;
   }
@@ -256,6 +252,8 @@ class Calibrator {
   void DescribeViews(Calibration& result) const;
   void SetRobustSigmas();
   void SetSigmas();
+  // Of each camera: the sum over its active observations, and how many they are.
+  std::pair<std::vector<double>, std::vector<double>> SquaredResiduals() const;
   bool Reject();
   void RefreshLeftOutFrames();
 
@@ -426,20 +424,24 @@ void Calibrator::SetRobustSigmas() {
   }
 }
 
-void Calibrator::SetSigmas() {
+std::pair<std::vector<double>, std::vector<double>> Calibrator::SquaredResiduals() const {
   std::vector<double> sum(problem_.cameras.size(), 0), n(sum.size(), 0);
-  double all = 0;
   for (const BoardObservation& o : problem_.observations) {
     Eigen::Vector2d r = Eigen::Vector2d::Zero();
     if (!problem_.IsActive(o) || !BoardResidual(problem_, o, &r)) continue;
     sum[static_cast<size_t>(o.camera)] += r.squaredNorm();
-    n[static_cast<size_t>(o.camera)] += 2;
-    all += 2;
+    n[static_cast<size_t>(o.camera)] += 1;
   }
+  return {std::move(sum), std::move(n)};
+}
+
+void Calibrator::SetSigmas() {
+  const auto [sum, n] = SquaredResiduals();
+  const double all = 2 * std::accumulate(n.begin(), n.end(), 0.0);
   const double freedom = std::max(1.0, all - FreeParameters(problem_));
   for (size_t c = 0; c < sum.size(); ++c) {
-    problem_.cameras[c].sigma_px =
-        n[c] > 0 ? std::max(kLeastSigmaPx, std::sqrt(sum[c] / n[c] * all / freedom)) : problem_.cameras[c].sigma_px;
+    problem_.cameras[c].sigma_px = n[c] > 0 ? std::max(kLeastSigmaPx, std::sqrt(sum[c] / (2 * n[c]) * all / freedom))
+                                            : problem_.cameras[c].sigma_px;
   }
 }
 

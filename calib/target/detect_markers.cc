@@ -48,6 +48,17 @@ Eigen::Vector2d Mapped(const cv::Matx33d& h, double x, double y) {
   return {p[0] / p[2], p[1] / p[2]};
 }
 
+// Corners, of these points of the board, that turn out to be saddle points.
+std::vector<BoardPoint> RefinedPoints(const cv::Mat& grey, const std::vector<double>& half_window,
+                                      const std::vector<int>& ids, std::vector<Eigen::Vector2d> corners) {
+  const std::vector<bool> good = RefineSaddles(grey, half_window, kMaxMovePx, &corners);
+  std::vector<BoardPoint> points;
+  for (size_t i = 0; i < corners.size(); ++i) {
+    if (good[i]) points.push_back({ids[i], corners[i]});
+  }
+  return points;
+}
+
 }  // namespace
 
 std::vector<BoardMarker> FindAprilTags(const cv::Mat& grey, size_t expected) {
@@ -230,11 +241,7 @@ std::vector<BoardPoint> AprilGridPoints(const cv::Mat& grey, const Target& targe
       point_ids.push_back(ids[k]);
     }
   }
-  const std::vector<bool> good = RefineSaddles(grey, half_window, kMaxMovePx, &corners);
-  std::vector<BoardPoint> points;
-  for (size_t i = 0; i < corners.size(); ++i) {
-    if (good[i]) points.push_back({point_ids[i], corners[i]});
-  }
+  std::vector<BoardPoint> points = RefinedPoints(grey, half_window, point_ids, std::move(corners));
   // A tag found twice is none: one of the two is wrong.
   std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
   std::vector<BoardPoint> single;
@@ -287,12 +294,7 @@ std::vector<BoardPoint> CharucoPoints(const cv::Mat& grey, const Target& target,
     half_window.push_back(0.8 * gap_px);
     point_ids.push_back(static_cast<int>(id));
   }
-  const std::vector<bool> good = RefineSaddles(grey, half_window, kMaxMovePx, &corners);
-  std::vector<BoardPoint> points;
-  for (size_t i = 0; i < corners.size(); ++i) {
-    if (good[i]) points.push_back({point_ids[i], corners[i]});
-  }
-  return points;
+  return RefinedPoints(grey, half_window, point_ids, std::move(corners));
 }
 
 }  // namespace trigpoint

@@ -73,12 +73,6 @@ class CornerCost final : public ceres::SizedCostFunction<2, 7, 7, 1> {
   }
 
  private:
-  static void ToAmbient(const Eigen::Matrix<double, 2, 6>& by_tangent, const double* block, double* jacobian) {
-    Eigen::Matrix<double, 6, 7, Eigen::RowMajor> minus;
-    Rigid3Manifold().MinusJacobian(block, minus.data());
-    Eigen::Map<Eigen::Matrix<double, 2, 7, Eigen::RowMajor>>{jacobian} = by_tangent * minus;
-  }
-
   const Camera& camera_;
   Rigid3d first_from_body_;
   Eigen::Vector3d corner_;

@@ -19,12 +19,6 @@ namespace {
 constexpr double kRadToDeg = 180 / std::numbers::pi;
 constexpr int kLeastInPart = 8;  // points, for a mean to say something
 
-std::string Join(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
 class Judge {
  public:
   explicit Judge(Quality* quality) : quality_(quality) {}
@@ -77,7 +71,7 @@ void JudgeViews(const CalibrationInput& input, const Calibration& calibration, i
     const bool many = 4 * outliers.size() > static_cast<size_t>(camera.views);
     judge.Add(many ? FindingLevel::kWarning : FindingLevel::kNote, camera.name, "outliers",
               fmt::format("{} of {} pictures don't fit the others and are left out: {}", outliers.size(), camera.views,
-                          Join(outliers)),
+                          fmt::join(outliers, ", ")),
               "check them for motion blur, a bent board, reflections and corners on the wrong square");
   }
 }
@@ -141,13 +135,13 @@ void JudgeFit(const Calibration& calibration, const Quality& quality, int c, con
   const auto i = static_cast<size_t>(c);
   const CalibratedCamera& camera = calibration.cameras[i];
   const Coverage& coverage = quality.coverage[i];
+  const std::string poor = fmt::format("{}", fmt::join(coverage.poor, ", "));
   judge.Above(-coverage.share, -gates.warn_coverage, -gates.refuse_coverage, camera.name, "coverage",
               fmt::format("the board covers {:.0f} % of the picture, {:.0f} % are wanted{}", 100 * coverage.share,
-                          100 * gates.warn_coverage,
-                          coverage.poor.empty() ? "" : "; hardly any points: " + Join(coverage.poor)),
+                          100 * gates.warn_coverage, coverage.poor.empty() ? "" : "; hardly any points: " + poor),
               coverage.poor.empty()
                   ? "photograph the board in the parts of the picture that are empty on the coverage map"
-                  : "photograph the board in these parts of the picture: " + Join(coverage.poor));
+                  : "photograph the board in these parts of the picture: " + poor);
   const Eigen::VectorXd sigmas = camera.Sigmas();
   const double focal = 100 * std::max(sigmas[0] / camera.camera.params()[0], sigmas[1] / camera.camera.params()[1]);
   judge.Above(focal, gates.warn_focal_sigma_percent, gates.refuse_focal_sigma_percent, camera.name, "focal length",

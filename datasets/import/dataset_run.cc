@@ -226,11 +226,7 @@ std::vector<TimedPose> ReadPhoneLog(const fs::path& file) {
   for (const auto& [line, number] : DataLines(text)) {
     const std::string where = FileLine(file, number);
     std::vector<double> v;
-    for (size_t begin = 0; begin <= line.size();) {
-      const size_t end = std::min(line.find(',', begin), line.size());
-      v.push_back(ParseDouble(Trim(line.substr(begin, end - begin))).value_or(NAN));
-      begin = end + 1;
-    }
+    for (const std::string_view field : SplitAt(line, ',')) v.push_back(ParseDouble(field).value_or(NAN));
     const bool numbers = std::all_of(v.begin(), v.end(), [](double x) { return std::isfinite(x); });
     if (!numbers || (v.size() != 8 && v.size() != 13)) {
       throw InputError(where + ": expected a time in ns and 7 (ARCore) or 12 (ARKit) numbers of a pose");

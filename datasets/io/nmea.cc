@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <cmath>
 #include <map>
 #include <string_view>
@@ -36,13 +35,7 @@ std::optional<std::vector<std::string_view>> Sentence(std::string_view line) {
     }
     if (stated != sum) return std::nullopt;
   }
-  std::vector<std::string_view> fields;
-  for (size_t at = 0; at <= body.size();) {
-    const size_t end = std::min(body.find(',', at), body.size());
-    fields.push_back(Trim(body.substr(at, end - at)));
-    at = end + 1;
-  }
-  return fields;
+  return SplitAt(body, ',');
 }
 
 // hhmmss.sss as ns since midnight.

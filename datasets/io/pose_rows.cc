@@ -116,12 +116,7 @@ bool HasDecimalCommas(const DataLine& line) {
 
 std::vector<std::string_view> PoseFields(std::string_view row) {
   if (row.find(',') == std::string_view::npos) return SplitFields(row);
-  std::vector<std::string_view> fields;
-  for (size_t at = 0; at <= row.size();) {
-    const size_t end = std::min(row.find(',', at), row.size());
-    fields.push_back(Trim(row.substr(at, end - at)));
-    at = end + 1;
-  }
+  std::vector<std::string_view> fields = SplitAt(row, ',');
   while (fields.back().empty() && fields.size() > 1) fields.pop_back();
   return fields;
 }

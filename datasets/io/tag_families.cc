@@ -42,10 +42,8 @@ std::string TagIdProblem(const std::string& family, int id) {
 }
 
 TagFamilies::TagFamilies(const std::string& text) {
-  for (size_t begin = 0; begin <= text.size();) {
-    const size_t end = std::min(text.find(',', begin), text.size());
-    const std::string entry(Trim(std::string_view(text).substr(begin, end - begin)));
-    const std::string name = entry.substr(0, entry.find(':'));
+  for (const std::string_view entry : SplitAt(text, ',')) {
+    const std::string name(entry.substr(0, entry.find(':')));
     if (std::find(names_.begin(), names_.end(), name) != names_.end()) {
       throw OptionError("family \"" + text + "\": " + name + " stands there twice");
     }
@@ -57,7 +55,7 @@ TagFamilies::TagFamilies(const std::string& text) {
     names_.push_back(name);
     for (size_t at = name.size(); at < entry.size();) {
       const size_t next = std::min(entry.find(':', at + 1), entry.size());
-      const auto id = ParseInt(std::string_view(entry).substr(at + 1, next - at - 1));
+      const auto id = ParseInt(entry.substr(at + 1, next - at - 1));
       if (!id || *id < 0 || !of_id_.emplace(static_cast<int>(*id), name).second) {
         throw OptionError("family \"" + text + "\": expected ids of tags behind " + name + ", each once");
       }

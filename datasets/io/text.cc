@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <chrono>
@@ -51,6 +52,16 @@ std::optional<int> Digits(std::string_view text, size_t at, size_t count) {
   throw IoError(file.string() + ": cannot be written: " + std::strerror(error));
 }
 
+template <typename Number>
+std::optional<Number> ParseNumber(std::string_view text) {
+  text = Trim(text);
+  if (text.starts_with('+')) text.remove_prefix(1);
+  Number value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
 }  // namespace
 
 std::string_view Trim(std::string_view text) {
@@ -84,23 +95,19 @@ std::vector<std::string_view> SplitFields(std::string_view text) {
   return fields;
 }
 
-std::optional<double> ParseDouble(std::string_view text) {
-  text = Trim(text);
-  if (text.starts_with('+')) text.remove_prefix(1);
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
+std::vector<std::string_view> SplitAt(std::string_view text, char separator) {
+  std::vector<std::string_view> parts;
+  for (size_t begin = 0; begin <= text.size();) {
+    const size_t end = std::min(text.find(separator, begin), text.size());
+    parts.push_back(Trim(text.substr(begin, end - begin)));
+    begin = end + 1;
+  }
+  return parts;
 }
 
-std::optional<int64_t> ParseInt(std::string_view text) {
-  text = Trim(text);
-  if (text.starts_with('+')) text.remove_prefix(1);
-  int64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
+std::optional<double> ParseDouble(std::string_view text) { return ParseNumber<double>(text); }
+
+std::optional<int64_t> ParseInt(std::string_view text) { return ParseNumber<int64_t>(text); }
 
 std::optional<int64_t> ParseUtcToNs(std::string_view text) {
   text = Trim(text);

@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "calib/base/median.h"
 #include "calib/geometry/so3.h"
 
 namespace trigpoint {
@@ -205,8 +206,7 @@ template <typename Stamped>
 double MedianStep(const std::vector<Stamped>& data) {
   std::vector<double> steps;
   for (size_t i = 1; i < data.size(); ++i) steps.push_back(ToSeconds(data[i].stamp_ns - data[i - 1].stamp_ns));
-  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
-  return steps[steps.size() / 2];
+  return Median(std::move(steps));
 }
 
 }  // namespace

@@ -287,9 +287,7 @@ std::string ResolveReviewObject(const Project& project, const std::string& actio
   }
   if (matches.size() == 1) return matches.front();
   if (matches.empty()) ThrowUnknown(text, objects);
-  std::string list;
-  for (const std::string& match : matches) list += (list.empty() ? "" : " or ") + match;
-  throw InputError("'" + text + "' is not clear; expected " + list);
+  throw InputError(fmt::format("'{}' is not clear; expected {}", text, fmt::join(matches, " or ")));
 }
 
 ReviewEntry AppendReview(const Project& project, const ReviewRequest& request) {

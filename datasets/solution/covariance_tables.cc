@@ -2,30 +2,37 @@
 
 #include <set>
 
-#include "datasets/io/csv.h"
 #include "datasets/solution/solution_covariance.h"
 
 namespace trigpoint {
 namespace {
 
 CsvWriter Table(const std::string& what, const std::string& name, const SolutionGeoreference& geo) {
-  std::vector<std::string> columns = {what + "_a", what + "_b"};
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j < 6; ++j) columns.push_back({'c', static_cast<char>('0' + i), static_cast<char>('0' + j)});
-  }
-  return CsvWriter(columns, {"trigpoint " + name + " 1; frame=enu; datum=" + geo.source +
-                             "; rotation (rad) first, left tangent, row by row"});
+  return CsvWriter(WithCovarianceColumns({what + "_a", what + "_b"}),
+                   {"trigpoint " + name + " 1; frame=enu; datum=" + geo.source +
+                    "; rotation (rad) first, left tangent, row by row"});
 }
 
 void Put(CsvWriter& csv, const std::string& name, const Matrix6d& c) {
   csv.Text(name).Text(name);
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j < 6; ++j) csv.Number(c(i, j), 15);
-  }
+  PutCovariance(c, &csv);
   csv.EndRow();
 }
 
 }  // namespace
+
+std::vector<std::string> WithCovarianceColumns(std::vector<std::string> columns) {
+  for (char i = '0'; i < '6'; ++i) {
+    for (char j = '0'; j < '6'; ++j) columns.push_back({'c', i, j});
+  }
+  return columns;
+}
+
+void PutCovariance(const Matrix6d& covariance, CsvWriter* csv) {
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) csv->Number(covariance(i, j), 15);
+  }
+}
 
 void WriteCameraCovariances(const Solution& s, const std::filesystem::path& dir) {
   if (!s.georeference || s.covariances.empty()) return;

@@ -2,7 +2,10 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
+#include "datasets/io/csv.h"
 #include "datasets/solution/solution.h"
 
 namespace trigpoint {
@@ -12,5 +15,9 @@ namespace trigpoint {
 // or covariances. Each throws IoError.
 void WriteCameraCovariances(const Solution& solution, const std::filesystem::path& dir);
 void WritePanoramaCovariances(const Solution& solution, const std::filesystem::path& dir);
+
+// Of other tables: with the columns c00 to c55 of a 6 x 6 covariance behind these, and its cells.
+std::vector<std::string> WithCovarianceColumns(std::vector<std::string> columns);
+void PutCovariance(const Matrix6d& covariance, CsvWriter* csv);
 
 }  // namespace trigpoint

@@ -9,20 +9,12 @@
 #include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/alignment.h"
+#include "eval/statistics/statistics.h"
 
 namespace trigpoint {
 namespace {
 
 constexpr double kChi2Of3At99 = 11.345;
-
-double Quantile(std::vector<double> values, double q) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  const double at = q * static_cast<double>(values.size() - 1);
-  const size_t i = static_cast<size_t>(at);
-  const double next = values[std::min(i + 1, values.size() - 1)];
-  return values[i] + (at - static_cast<double>(i)) * (next - values[i]);
-}
 
 CrossStatistics StatisticsOf(const std::vector<CrossDifference>& differences) {
   CrossStatistics s;

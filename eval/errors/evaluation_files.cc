@@ -373,7 +373,7 @@ std::string FormatEvaluation(const Evaluation& evaluation, const TableOptions& o
     text +=
         fmt::format("{}: estimate from {}; reference from {}\n\n",
                     g.group.shares_evidence ? "Agreement (both sides share evidence)" : "Accuracy (no evidence shared)",
-                    Join(g.estimate_rests_on), Join(g.reference_rests_on));
+                    fmt::join(g.estimate_rests_on, ", "), fmt::join(g.reference_rests_on, ", "));
   }
   if (options.paper_tables) {
     for (const PaperTable& paper : PaperTables()) text += FormatPaperTable(paper, options) + "\n";

@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "datasets/colmap/model.h"
 #include "datasets/io/image.h"
 
@@ -68,13 +69,8 @@ std::vector<ScenePoint> ReadScenePoints(const std::filesystem::path& sparse, int
   for (const ModelPoint& point : model.points) {
     if (std::isfinite(point.error_px)) residuals.push_back(point.error_px);
   }
-  double sigma_px = kLeastSigmaPx;
-  if (!residuals.empty()) {
-    const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
-    std::nth_element(residuals.begin(), middle, residuals.end());
-    // The mean length of a residual is sqrt(pi / 2) standard deviations of an axis (Rayleigh).
-    sigma_px = std::max(sigma_px, *middle / 1.2533);
-  }
+  // The mean length of a residual is sqrt(pi / 2) standard deviations of an axis (Rayleigh).
+  const double sigma_px = std::max(kLeastSigmaPx, Median(std::move(residuals)) / 1.2533);
   std::vector<ScenePoint> points;
   for (const ModelPoint& point : model.points) {
     if (!point.position.allFinite()) continue;

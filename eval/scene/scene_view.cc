@@ -412,6 +412,20 @@ void SceneView::LookDown(vtkRenderer* renderer) const {
   renderer->ResetCameraClippingRange();
 }
 
+namespace {
+
+void LookFrom(const Eigen::Vector3d& from, const Eigen::Vector3d& at, double angle_deg, vtkRenderer* renderer) {
+  vtkCamera* camera = renderer->GetActiveCamera();
+  camera->ParallelProjectionOff();
+  camera->SetViewAngle(angle_deg);
+  camera->SetFocalPoint(at.x(), at.y(), at.z());
+  camera->SetPosition(from.x(), from.y(), from.z());
+  camera->SetViewUp(0, 0, 1);
+  renderer->ResetCameraClippingRange();
+}
+
+}  // namespace
+
 void SceneView::LookOblique(vtkRenderer* renderer) const {
   auto [low, high] = parts_->model.Bounds();
   const Eigen::Vector3d middle = 0.5 * (low + high);
@@ -422,13 +436,7 @@ void SceneView::LookOblique(vtkRenderer* renderer) const {
   const double aspect = size[0] > 0 && size[1] > 0 ? static_cast<double>(size[0]) / size[1] : 1.5;
   const double distance = 0.8 * std::max(1.0, 1.5 / aspect) * radius / std::sin(0.5 * angle_deg * 3.14159265 / 180);
   const Eigen::Vector3d from = middle + distance * Eigen::Vector3d(-0.42, -0.72, 0.55).normalized();
-  vtkCamera* camera = renderer->GetActiveCamera();
-  camera->ParallelProjectionOff();
-  camera->SetViewAngle(angle_deg);
-  camera->SetFocalPoint(middle.x(), middle.y(), middle.z());
-  camera->SetPosition(from.x(), from.y(), from.z());
-  camera->SetViewUp(0, 0, 1);
-  renderer->ResetCameraClippingRange();
+  LookFrom(from, middle, angle_deg, renderer);
 }
 
 void SceneView::LookAtStation(vtkRenderer* renderer, const std::string& station) const {
@@ -448,14 +456,7 @@ void SceneView::LookAtStation(vtkRenderer* renderer, const std::string& station)
     }
     side.z() = 0;
     const Eigen::Vector3d from = at + 9 * side.normalized() + Eigen::Vector3d(0, 0, 4);
-    vtkCamera* camera = renderer->GetActiveCamera();
-    camera->ParallelProjectionOff();
-    camera->SetViewAngle(40);
-    camera->SetFocalPoint(at.x(), at.y(), at.z() - 0.5);
-    camera->SetPosition(from.x(), from.y(), from.z());
-    camera->SetViewUp(0, 0, 1);
-    renderer->ResetCameraClippingRange();
-    return;
+    return LookFrom(from, {at.x(), at.y(), at.z() - 0.5}, 40, renderer);
   }
   throw InputError("no answer for station '" + station + "' is in the scene" +
                    (names.empty() ? "" : "; nearest: '" + NearestName(station, names) + "'"));

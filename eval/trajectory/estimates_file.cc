@@ -4,6 +4,7 @@
 
 #include "calib/geo/geodetic.h"
 #include "datasets/io/csv.h"
+#include "datasets/solution/covariance_tables.h"
 #include "eval/text/json_values.h"
 #include "eval/text/markdown.h"
 #include "eval/text/number_text.h"
@@ -18,14 +19,6 @@ nlohmann::json Json(const ErrorStatistics& s) {
           {"max_m", OrNull(s.max)},
           {"median_attempts_m", OrNull(s.median_attempts)},
           {"p90_attempts_m", OrNull(s.p90_attempts)}};
-}
-
-std::vector<std::string> CovarianceColumns() {
-  std::vector<std::string> columns;
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j < 6; ++j) columns.push_back(fmt::format("c{}{}", i, j));
-  }
-  return columns;
 }
 
 }  // namespace
@@ -149,11 +142,10 @@ nlohmann::json EstimatesJson(const std::vector<EstimateReport>& reports) {
 
 void WriteReferencePoses(const std::vector<ReferencePose>& poses, const std::string& datum,
                          const std::filesystem::path& file) {
-  std::vector<std::string> columns = {
-      "timestamp", "image",     "camera",    "status",       "reason",       "tags",        "bridged_m",
-      "x",         "y",         "z",         "qx",           "qy",           "qz",          "qw",
-      "sigma_x_m", "sigma_y_m", "sigma_z_m", "sigma_rx_deg", "sigma_ry_deg", "sigma_rz_deg"};
-  for (std::string& name : CovarianceColumns()) columns.push_back(std::move(name));
+  const std::vector<std::string> columns = WithCovarianceColumns(
+      {"timestamp", "image",     "camera",    "status",       "reason",       "tags",        "bridged_m",
+       "x",         "y",         "z",         "qx",           "qy",           "qz",          "qw",
+       "sigma_x_m", "sigma_y_m", "sigma_z_m", "sigma_rx_deg", "sigma_ry_deg", "sigma_rz_deg"});
   CsvWriter csv(columns, {"trigpoint reference_poses 1; frame=enu; datum=" + datum +
                           "; sigma=1, rotation about the world's axes; c00..c55: rotation (rad) first, left tangent"});
   for (const ReferencePose& p : poses) {
@@ -167,9 +159,7 @@ void WriteReferencePoses(const std::vector<ReferencePose>& poses, const std::str
     for (int i = 0; i < 4; ++i) csv.Number(p.world_from_cam->rotation.coeffs()[i], 9);
     for (int i = 3; i < 6; ++i) csv.Number(std::sqrt(p.covariance(i, i)), 6);
     for (int i = 0; i < 3; ++i) csv.Number(kRadToDeg * std::sqrt(p.covariance(i, i)), 5);
-    for (int i = 0; i < 6; ++i) {
-      for (int j = 0; j < 6; ++j) csv.Number(p.covariance(i, j), 15);
-    }
+    PutCovariance(p.covariance, &csv);
     csv.EndRow();
   }
   csv.Save(file);

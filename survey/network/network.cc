@@ -235,10 +235,8 @@ class Network {
         const TimedPose &a = pass.world_from_body[k - 1], &b = pass.world_from_body[k];
         const Rigid3d a_from_b = a.target_from_body.Inverse() * b.target_from_body;
         const double seconds = 1e-9 * static_cast<double>(b.stamp_ns - a.stamp_ns);
-        const double length = a_from_b.translation.norm(), root = std::sqrt(length + 0.01 * seconds + 1e-6);
-        Vector6d sigma;
-        sigma << Eigen::Vector3d::Constant(options_.odometry_rot_deg * kDegToRad * root),
-            Eigen::Vector3d::Constant(options_.odometry_m * root);
+        const double length = a_from_b.translation.norm();
+        const Vector6d sigma = OdometryStepSigma(length, seconds, options_.odometry_rot_deg, options_.odometry_m);
         const Eigen::Vector3d way = length * (b.target_from_body.rotation.conjugate() * Eigen::Vector3d::UnitZ());
         const int at = Frame(static_cast<int>(p), static_cast<int>(k));
         solver_.AddFactor(

@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "calib/base/median.h"
 #include "calib/camera/shrunk_picture.h"
 
 namespace trigpoint {
@@ -76,8 +77,7 @@ std::vector<Eigen::Vector2d> BorderPoints(const cv::Mat& picture, double black) 
       if (value(at) > black) lit.push_back(value(at));
     }
     if (lit.empty()) continue;
-    std::nth_element(lit.begin(), lit.begin() + static_cast<std::ptrdiff_t>(lit.size() / 2), lit.end());
-    const double limit = std::max(black, kStray * lit[lit.size() / 2]);
+    const double limit = std::max(black, kStray * Median(std::move(lit)));
     while (r > 0 && value(r) <= limit) r -= 0.5;
     if (r > 0) border.emplace_back(middle + r * along);
   }

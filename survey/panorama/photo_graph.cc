@@ -6,6 +6,7 @@
 #include <numeric>
 #include <set>
 
+#include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/so3.h"
 #include "survey/panorama/rig_bundle.h"
@@ -123,9 +124,7 @@ PhotoGraph BuildPhotoGraph(int photos, std::vector<PhotoPair> pairs, double limi
     std::vector<double> off;
     for (const PhotoPair& p : pairs) off.push_back(Disagreement(p, graph.cam_from_rig));
     if (off.empty()) break;
-    std::vector<double> sorted = off;
-    std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2), sorted.end());
-    const double limit = std::max(limit_rad, 4 * sorted[sorted.size() / 2]);
+    const double limit = std::max(limit_rad, 4 * Median(off));
     std::vector<PhotoPair> kept;
     for (size_t k = 0; k < pairs.size(); ++k) {
       (off[k] <= limit ? kept : graph.contradicting).push_back(std::move(pairs[k]));
@@ -192,9 +191,7 @@ RingClosure FindClosure(int photos, const std::vector<PhotoPair>& pairs) {
     }
     if (sum > most) most = sum, closure.turns = turns / sum;
   }
-  std::nth_element(tree_scores.begin(), tree_scores.begin() + static_cast<std::ptrdiff_t>(tree_scores.size() / 2),
-                   tree_scores.end());
-  closure.closed = most > 0.15 * tree_scores[tree_scores.size() / 2];
+  closure.closed = most > 0.15 * Median(std::move(tree_scores));
   return closure;
 }
 

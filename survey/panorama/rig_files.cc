@@ -6,22 +6,13 @@
 
 #include "calib/geo/geodetic.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/json_matrix.h"
 #include "datasets/io/text.h"
 
 namespace trigpoint {
 namespace {
 
 using nlohmann::json;
-
-json Numbers(const Eigen::MatrixXd& m) {
-  json rows = json::array();
-  for (Eigen::Index r = 0; r < m.rows(); ++r) {
-    json row = json::array();
-    for (Eigen::Index c = 0; c < m.cols(); ++c) row.push_back(m(r, c));
-    rows.push_back(std::move(row));
-  }
-  return rows;
-}
 
 json Vector(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -62,7 +53,7 @@ json PlacedPhoto(const StitchedRig& rig, const Composite* composite, size_t i, c
                 {"decentring", {decentring.x(), decentring.y()}},
                 {"translation_m", Vector(pose.translation)},
                 {"quaternion_xyzw", {pose.rotation.x(), pose.rotation.y(), pose.rotation.z(), pose.rotation.w()}},
-                {"covariance_rotation_rad_translation_m", Numbers(covariance)}};
+                {"covariance_rotation_rad_translation_m", JsonRows(covariance)}};
   if (composite != nullptr) {
     const Eigen::Vector3d& g = composite->gains[i];
     entry["gain_rgb"] = {g(2), g(1), g(0)};

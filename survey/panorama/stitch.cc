@@ -637,8 +637,7 @@ class Stitcher {
     std::vector<double> angles;
     for (const RigPoint& p : out_.state.points) angles.push_back(std::abs(p.inverse_distance) * out_.state.radius_m);
     if (angles.empty() || !ring_closed_) return;
-    std::nth_element(angles.begin(), angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2), angles.end());
-    parallax_ = std::clamp(1.4826 * angles[angles.size() / 2], kLeastParallax, kMostParallax);
+    parallax_ = std::clamp(1.4826 * Median(std::move(angles)), kLeastParallax, kMostParallax);
   }
 
   void Finish(const std::function<cv::Mat(const Photo&)>& load_grey) {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "calib/base/median.h"
 #include "calib/geometry/bearing.h"
 
 namespace trigpoint {
@@ -454,8 +455,7 @@ class Fit {
     std::vector<double> r;
     r.reserve(residuals_.size());
     for (size_t i = 0; i < residuals_.size(); ++i) r.push_back(std::abs(residuals_[i]));
-    std::nth_element(r.begin(), r.begin() + r.size() / 2, r.end());
-    return std::max(1.4826 * r[r.size() / 2], 0.5);  // not below what rounding to whole grey values leaves
+    return std::max(1.4826 * Median(std::move(r)), 0.5);  // not below what rounding to whole grey values leaves
   }
 
   // Huber cost and its Gauss-Newton system a * step = b at x; `scatter`: sum of the gradients' squares.

@@ -1,6 +1,7 @@
 #include "survey/tags/detection.h"
 
 #include <apriltag/apriltag.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -165,6 +166,12 @@ double TagDetection::SigmaPx() const {
   return std::sqrt(sum / 4);
 }
 
+double TagDetection::ShortestSide() const {
+  double side = 1e300;
+  for (int k = 0; k < 4; ++k) side = std::min(side, (corners[(k + 1) % 4] - corners[k]).norm());
+  return side;
+}
+
 Eigen::Vector3d TagCorner(double size_m, int k) {
   const double h = 0.5 * size_m;
   return {k == 1 || k == 2 ? h : -h, k < 2 ? h : -h, 0};
@@ -177,9 +184,7 @@ std::vector<std::string> DetectTagsOptions::Check() const {
     const TagFamilies wanted(family);
     for (const std::string& name : wanted.names()) {
       if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-      std::string all;
-      for (const std::string& other : known) all += (all.empty() ? "" : ", ") + other;
-      problems.push_back("option family is \"" + name + "\", expected one of " + all);
+      problems.push_back(fmt::format("option family is \"{}\", expected one of {}", name, fmt::join(known, ", ")));
     }
   } catch (const OptionError& e) {
     problems.push_back(std::string("option family: ") + e.what());

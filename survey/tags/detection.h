@@ -27,6 +27,7 @@ struct TagDetection {
   bool refined = false;                               // corners are fitted ones, else the detector's own
   // One number for the four: root of the mean square.
   double SigmaPx() const;
+  double ShortestSide() const;  // px
 };
 
 // Corner k of a tag of edge length `size_m` in the tag's frame (x right, y down, z into the tag, origin at its

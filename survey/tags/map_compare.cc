@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/alignment.h"
 
@@ -50,17 +51,13 @@ Rigid3d RobustFit(const std::vector<Pair>& pairs) {
     }
     return d;
   };
-  const auto median = [](std::vector<double> d) {
-    std::nth_element(d.begin(), d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2), d.end());
-    return d[d.size() / 2];
-  };
-  double best_median = median(distances(best));
+  double best_median = Median(distances(best));
   const size_t n = std::min<size_t>(pairs.size(), 20);
   for (size_t i = 0; i < n; ++i) {
     for (size_t j = i + 1; j < n; ++j) {
       for (size_t k = j + 1; k < n; ++k) {
         const Rigid3d fit = Fit({pairs[i], pairs[j], pairs[k]});
-        const double m = median(distances(fit));
+        const double m = Median(distances(fit));
         if (m < best_median) best_median = m, best = fit;
       }
     }

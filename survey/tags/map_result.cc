@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/alignment.h"
 #include "survey/tags/map_solver.h"
@@ -28,10 +29,9 @@ DatumShift RobustMean(const std::vector<Eigen::Vector3d>& values, const std::vec
   DatumShift shift;
   shift.n = static_cast<int>(values.size());
   for (int k = 0; k < 3; ++k) {
-    std::vector<double> sorted;
-    for (const Eigen::Vector3d& v : values) sorted.push_back(v[k]);
-    std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2), sorted.end());
-    double mean = sorted[sorted.size() / 2], weight = 0, square = 0;
+    std::vector<double> all;
+    for (const Eigen::Vector3d& v : values) all.push_back(v[k]);
+    double mean = Median(std::move(all)), weight = 0, square = 0;
     for (int round = 0; round < 10; ++round) {
       double sum = 0;
       weight = square = 0;

@@ -19,12 +19,6 @@ namespace {
 constexpr double kWaypoint_m = 1;    // longer ways between frames get poses of their own
 constexpr double kStartGatePx = 40;  // odometry drifts between visits
 
-double ShortestSide(const TagDetection& d) {
-  double side = 1e300;
-  for (int k = 0; k < 4; ++k) side = std::min(side, (d.corners[(k + 1) % 4] - d.corners[k]).norm());
-  return side;
-}
-
 Rigid3d BodyFromCam(const SurveyInput& input, const MapStart& start, const MapSight& s) {
   return input.runs[start.frames[s.frame].run].cameras[s.camera].cam_from_body.Inverse();
 }
@@ -321,7 +315,7 @@ void AddSights(const SurveyInput& input, const SurveyOptions& options, const Ima
       throw InputError("tags.yaml: tag " + std::to_string(d.id) + " has no size; give size_m, or sizes_m for its id");
     }
     // The same id twice in one picture: neither can be told from the other.
-    if (seen[d.id] > 1 || ShortestSide(d) < options.min_side_px) continue;
+    if (seen[d.id] > 1 || d.ShortestSide() < options.min_side_px) continue;
     MapSight s;
     s.frame = static_cast<int>(start->frames.size());
     s.camera = static_cast<int>(camera);

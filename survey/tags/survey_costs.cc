@@ -2,20 +2,21 @@
 
 #include <cmath>
 
+#include "calib/geo/geodetic.h"
+
 namespace trigpoint {
 namespace {
 
 constexpr double kOutOfSight = 300;  // residual of a corner that the camera cannot see, sigmas
 
-// Derivative by the tangent to derivative by the 7-block, such that the manifold's PlusJacobian gives it back.
-template <int kRows>
-void ToAmbient(const Eigen::Matrix<double, kRows, 6>& by_tangent, const double* block, double* jacobian) {
-  Eigen::Matrix<double, 6, 7, Eigen::RowMajor> minus;
-  Rigid3Manifold().MinusJacobian(block, minus.data());
-  Eigen::Map<Eigen::Matrix<double, kRows, 7, Eigen::RowMajor>>{jacobian} = by_tangent * minus;
-}
-
 }  // namespace
+
+Vector6d OdometryStepSigma(double length_m, double seconds, double rotation_deg, double translation_m) {
+  const double root = std::sqrt(length_m + 0.01 * seconds + 1e-6);
+  Vector6d sigma;
+  sigma << Eigen::Vector3d::Constant(rotation_deg * kDegToRad * root), Eigen::Vector3d::Constant(translation_m * root);
+  return sigma;
+}
 
 bool TagCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
   Matrix86d by_body, by_tag;
@@ -27,8 +28,8 @@ bool TagCost::Evaluate(double const* const* parameters, double* residuals, doubl
        shift * sight_.outward) /
       *scale_;
   if (!wanted) return true;
-  if (jacobians[0] != nullptr) ToAmbient<8>(by_body / *scale_, parameters[0], jacobians[0]);
-  if (jacobians[1] != nullptr) ToAmbient<8>(by_tag / *scale_, parameters[1], jacobians[1]);
+  if (jacobians[0] != nullptr) ToAmbient(by_body / *scale_, parameters[0], jacobians[0]);
+  if (jacobians[1] != nullptr) ToAmbient(by_tag / *scale_, parameters[1], jacobians[1]);
   if (jacobians[2] != nullptr) Eigen::Map<Vector8d>{jacobians[2]} = -sight_.outward / *scale_;
   return true;
 }
@@ -79,8 +80,8 @@ bool TagPixelCost::Evaluate(double const* const* parameters, double* residuals, 
   }
   Eigen::Map<Vector8d>{residuals} = r;
   if (jacobians == nullptr) return true;
-  if (jacobians[0] != nullptr) ToAmbient<8>(by_body, parameters[0], jacobians[0]);
-  if (jacobians[1] != nullptr) ToAmbient<8>(by_tag, parameters[1], jacobians[1]);
+  if (jacobians[0] != nullptr) ToAmbient(by_body, parameters[0], jacobians[0]);
+  if (jacobians[1] != nullptr) ToAmbient(by_tag, parameters[1], jacobians[1]);
   if (jacobians[2] != nullptr) {
     Eigen::Map<Eigen::Matrix<double, 8, kCameraNumbers, Eigen::RowMajor>> j(jacobians[2]);
     constexpr double kStep[kCameraNumbers] = {1e-6, 1e-3, 1e-3, 1e-6, 1e-6};
@@ -120,13 +121,13 @@ bool OdometryCost::Evaluate(double const* const* parameters, double* residuals, 
     j.topLeftCorner<3, 3>() = -by_turn;
     j.bottomLeftCorner<3, 3>() = inverse_m * (at * Skew(step)) / s;
     j.bottomRightCorner<3, 3>() = -(inverse_m * at) / s;
-    ToAmbient<6>(j, parameters[0], jacobians[0]);
+    ToAmbient(j, parameters[0], jacobians[0]);
   }
   if (jacobians[1] != nullptr) {
     j.setZero();
     j.topLeftCorner<3, 3>() = by_turn;
     j.bottomRightCorner<3, 3>() = inverse_m * at / s;
-    ToAmbient<6>(j, parameters[1], jacobians[1]);
+    ToAmbient(j, parameters[1], jacobians[1]);
   }
   if (jacobians[2] != nullptr) {
     Eigen::Map<Vector6d> by_scale(jacobians[2]);
@@ -148,7 +149,7 @@ bool PointCost::Evaluate(double const* const* parameters, double* residuals, dou
   if (jacobians == nullptr || jacobians[0] == nullptr) return true;
   Eigen::Matrix<double, 3, 6> j;
   j << -Skew(turned), Eigen::Matrix3d::Identity();
-  ToAmbient<3>(inverse_sigma_.asDiagonal() * j, parameters[0], jacobians[0]);
+  ToAmbient(inverse_sigma_.asDiagonal() * j, parameters[0], jacobians[0]);
   return true;
 }
 
@@ -168,7 +169,7 @@ bool PosePriorCost::Evaluate(double const* const* parameters, double* residuals,
   if (jacobians == nullptr || jacobians[0] == nullptr) return true;
   Eigen::Matrix<double, 6, 6> j = Eigen::Matrix<double, 6, 6>::Identity();
   j.topLeftCorner<3, 3>() = LeftJacobianInverseSO3(difference.head<3>());
-  ToAmbient<6>(inverse_sigma_.asDiagonal() * j, parameters[0], jacobians[0]);
+  ToAmbient(inverse_sigma_.asDiagonal() * j, parameters[0], jacobians[0]);
   return true;
 }
 
@@ -178,7 +179,7 @@ bool GravityCost::Evaluate(double const* const* parameters, double* residuals, d
   if (jacobians == nullptr || jacobians[0] == nullptr) return true;
   Eigen::Matrix<double, 3, 6> j = Eigen::Matrix<double, 3, 6>::Zero();
   j.leftCols<3>() = body_from_world * Skew(Eigen::Vector3d::UnitZ()) / sigma_;
-  ToAmbient<3>(j, parameters[0], jacobians[0]);
+  ToAmbient(j, parameters[0], jacobians[0]);
   return true;
 }
 
@@ -187,7 +188,7 @@ bool HeightCost::Evaluate(double const* const* parameters, double* residuals, do
   if (jacobians == nullptr || jacobians[0] == nullptr) return true;
   Eigen::Matrix<double, 1, 6> j = Eigen::Matrix<double, 1, 6>::Zero();
   j(5) = 1 / sigma_m_;
-  ToAmbient<1>(j, parameters[0], jacobians[0]);
+  ToAmbient(j, parameters[0], jacobians[0]);
   return true;
 }
 
@@ -205,7 +206,7 @@ bool MarkCost::Evaluate(double const* const* parameters, double* residuals, doub
   if (jacobians[0] != nullptr) {
     Eigen::Matrix<double, 2, 6> j;
     j << by_point * Skew(d), -by_point;
-    ToAmbient<2>(j, parameters[0], jacobians[0]);
+    ToAmbient(j, parameters[0], jacobians[0]);
   }
   if (jacobians[1] != nullptr) Eigen::Map<Eigen::Matrix<double, 2, 3, Eigen::RowMajor>>{jacobians[1]} = by_point;
   return true;
@@ -228,8 +229,8 @@ bool DistanceCost::Evaluate(double const* const* parameters, double* residuals, 
   if (jacobians == nullptr) return true;
   Eigen::Matrix<double, 1, 6> j = Eigen::Matrix<double, 1, 6>::Zero();
   j.tail<3>() = d.transpose() / (length * sigma_m_);
-  if (jacobians[0] != nullptr) ToAmbient<1>(-j, parameters[0], jacobians[0]);
-  if (jacobians[1] != nullptr) ToAmbient<1>(j, parameters[1], jacobians[1]);
+  if (jacobians[0] != nullptr) ToAmbient(-j, parameters[0], jacobians[0]);
+  if (jacobians[1] != nullptr) ToAmbient(j, parameters[1], jacobians[1]);
   return true;
 }
 

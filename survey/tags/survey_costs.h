@@ -76,6 +76,9 @@ class OdometryCost final : public ceres::SizedCostFunction<6, 7, 7, 1, 1> {
   const double* factor_;
 };
 
+// 1 sigma of odometry over a step: a random walk over the way travelled; a standing robot drifts a little with time.
+Vector6d OdometryStepSigma(double length_m, double seconds, double rotation_deg, double translation_m);
+
 // A point fixed to a pose (a tag's centre or corner, an antenna) against known coordinates: world_from_x -> 3 (m):
 //   r = sqrt_info (R lever + t + offset - point)
 class PointCost final : public ceres::SizedCostFunction<3, 7> {

@@ -5,6 +5,7 @@
 #include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
 #include "datasets/io/csv.h"
+#include "datasets/solution/covariance_tables.h"
 
 namespace trigpoint {
 namespace {
@@ -90,16 +91,11 @@ void WriteTags(const std::filesystem::path& file, const std::vector<TagEstimate>
 
 void WriteTagCovariances(const std::filesystem::path& file, const std::vector<TagEstimate>& tags,
                          const TagCrossCovariances& cross, const std::string& frame, const std::string& datum) {
-  std::vector<std::string> columns = {"tag_a", "tag_b"};
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j < 6; ++j) columns.push_back({'c', static_cast<char>('0' + i), static_cast<char>('0' + j)});
-  }
-  CsvWriter csv(columns, {Comment("tags_cov", frame, datum) + "; rotation (rad) first, left tangent, row by row"});
+  CsvWriter csv(WithCovarianceColumns({"tag_a", "tag_b"}),
+                {Comment("tags_cov", frame, datum) + "; rotation (rad) first, left tangent, row by row"});
   const auto row = [&](int a, int b, const Matrix6d& c) {
     csv.Integer(a).Integer(b);
-    for (int i = 0; i < 6; ++i) {
-      for (int j = 0; j < 6; ++j) csv.Number(c(i, j), 15);
-    }
+    PutCovariance(c, &csv);
     csv.EndRow();
   };
   for (const TagEstimate& tag : tags) {

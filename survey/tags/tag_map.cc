@@ -418,13 +418,9 @@ void MapSolver::AddOdometry() {
     if (before >= 0 && start_.frames[static_cast<size_t>(before)].run == frame.run) {
       const MapFrame& last = start_.frames[static_cast<size_t>(before)];
       const Rigid3d a_from_b = last.odom_from_body->Inverse() * *frame.odom_from_body;
-      // Random walk over the way travelled; a standing robot drifts a little with time.
       const double seconds = 1e-9 * static_cast<double>(frame.stamp_ns - last.stamp_ns);
       const double length = a_from_b.translation.norm();
-      const double root = std::sqrt(length + 0.01 * seconds + 1e-6);
-      Vector6d sigma;
-      sigma << Eigen::Vector3d::Constant(options_.odometry_rot_deg * kDegToRad * root),
-          Eigen::Vector3d::Constant(options_.odometry_m * root);
+      Vector6d sigma = OdometryStepSigma(length, seconds, options_.odometry_rot_deg, options_.odometry_m);
       const Eigen::Vector3d way = length * (frame.odom_from_body->rotation.conjugate() * Eigen::Vector3d::UnitZ());
       RunState& state = run_states_[r];
       const int index = static_cast<int>(f);
@@ -785,9 +781,8 @@ bool MapSolver::SnoopSights(int round) {
     if (!s.rejected) used.push_back(chi2[i]);
   }
   if (used.empty()) return false;
-  std::nth_element(used.begin(), used.begin() + static_cast<std::ptrdiff_t>(used.size() / 2), used.end());
   // Before the corners' sigma is known to be right, it is judged by the median (of chi-square 8: 7.344).
-  const double gate = options_.snooping_chi2 * std::max(1.0, used[used.size() / 2] / 7.344);
+  const double gate = options_.snooping_chi2 * std::max(1.0, Median(std::move(used)) / 7.344);
   outvoted_ = false;
   // A picture that the rest of its visit contradicts is wrong by itself, not by odometry's drift, however small the
   // error.

@@ -10,6 +10,7 @@
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "survey/tags/planar_pose.h"
 
@@ -189,10 +190,9 @@ class OneTag {
   double MedianFactor(const Fit& fit) const {
     std::vector<double> s;
     for (int i : fit.used) s.push_back(Linearise(i, fit.world_from_tag).r.squaredNorm());
-    std::nth_element(s.begin(), s.begin() + s.size() / 2, s.end());
     // Six of the 8 n are spent on the pose.
     const double n = 8.0 * static_cast<double>(s.size());
-    return s[s.size() / 2] / 7.344 * n / (n - 6);
+    return Median(std::move(s)) / 7.344 * n / (n - 6);
   }
 
   void Minimise(Fit* fit) const {
@@ -318,12 +318,6 @@ class OneTag {
   double factor_ = 1;
 };
 
-double ShortestSide(const TagDetection& d) {
-  double side = 1e300;
-  for (int k = 0; k < 4; ++k) side = std::min(side, (d.corners[(k + 1) % 4] - d.corners[k]).norm());
-  return side;
-}
-
 }  // namespace
 
 std::vector<TagEstimate> EstimateTagPoses(const std::vector<TagView>& views, const TagSizes& sizes,
@@ -351,7 +345,7 @@ std::vector<TagEstimate> EstimateTagPoses(const std::vector<TagView>& views, con
     OneTag solver(tag.size_m, options);
     int small = 0;
     for (const auto& [view, detection] : by_id.at(tag.tag_id)) {
-      if (ShortestSide(*detection) < options.min_side_px) {
+      if (detection->ShortestSide() < options.min_side_px) {
         ++small;
         continue;
       }

@@ -15,6 +15,7 @@
 #include "localize/site/tables.h"
 #include "tests/datasets/project_folder.h"
 #include "tests/datasets/sample_solution.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

@@ -9,7 +9,7 @@
 #include "datasets/io/panorama_writer.h"
 #include "datasets/io/text.h"
 #include "datasets/project/hash.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

@@ -4,7 +4,7 @@
 #include "app/pipeline/jobs.h"
 #include "app/pipeline/survey_input.h"
 #include "datasets/project/manifest.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

@@ -1,6 +1,5 @@
 // Against GeographicLib's own command line, on 10,000 random points.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdio>
 #include <cstdlib>
@@ -10,6 +9,7 @@
 
 #include "calib/estimation/random.h"
 #include "calib/geo/geodetic.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -25,8 +25,8 @@ std::vector<Geodetic> Places() {
 
 // The program's answer, a line for each place.
 std::vector<std::string> Ask(const std::string& command, const std::vector<Geodetic>& places, bool height) {
-  const std::string file =
-      (std::filesystem::temp_directory_path() / ("trigpoint_geo_" + std::to_string(getpid()))).string();
+  const TempDir dir;
+  const std::string file = (dir / "places").string();
   {
     std::ofstream out(file);
     out.precision(15);
@@ -40,8 +40,6 @@ std::vector<std::string> Ask(const std::string& command, const std::vector<Geode
   std::vector<std::string> lines;
   std::ifstream in(file + ".out");
   for (std::string line; std::getline(in, line);) lines.push_back(line);
-  std::filesystem::remove(file);
-  std::filesystem::remove(file + ".out");
   return lines;
 }
 

@@ -9,7 +9,7 @@
 #include "datasets/colmap/model.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/colmap/model.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

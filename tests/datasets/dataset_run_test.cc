@@ -8,7 +8,7 @@
 
 #include "datasets/io/site.h"
 #include "datasets/io/text.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -258,14 +258,17 @@ TEST(DatasetRun, Record3d) {
               HasSubstr("expected Record3D's metadata"));
 }
 
+// Two seconds.
+void WriteVideo(const fs::path& file) {
+  cv::VideoWriter video(file.string(), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 10, {64, 48});
+  ASSERT_TRUE(video.isOpened());
+  for (int i = 0; i < 20; ++i) video.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(10 * i)));
+}
+
 // The same walk as the loggers of ARCore and ARKit write it.
 TEST(VideoRun, PhoneLogsAreOdometry) {
   const TempDir dir;
-  {
-    cv::VideoWriter video((dir / "walk.avi").string(), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 10, {64, 48});
-    ASSERT_TRUE(video.isOpened());
-    for (int i = 0; i < 20; ++i) video.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(10 * i)));
-  }
+  WriteVideo(dir / "walk.avi");
   const fs::path arcore = dir.Write("ARCore_sensor_pose.txt",
                                     "52345678901234, 0, 0, 0, 1, 3, 0, 0\n52346678901234, 0, 0, 0, 1, 3, 0.5, -1\n");
   const fs::path arkit = dir.Write("ARKit_camera_pose.txt",
@@ -338,11 +341,7 @@ TEST(VideoRun, Insta360IsNotRead) {
 
 TEST(VideoRun, TakesTheTrackBesideIt) {
   const TempDir dir;
-  {
-    cv::VideoWriter video((dir / "drive.avi").string(), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 10, {64, 48});
-    ASSERT_TRUE(video.isOpened());
-    for (int i = 0; i < 20; ++i) video.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(10 * i)));
-  }
+  WriteVideo(dir / "drive.avi");
   dir.Write(
       "drive.gpx",
       "<gpx version=\"1.1\"><trk><trkseg><trkpt lat=\"48\" lon=\"7.8\"><time>2026-05-12T09:43:20.5Z</time></trkpt>"

@@ -17,7 +17,7 @@
 
 #include "calib/base/memory.h"
 #include "calib/base/parallel.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

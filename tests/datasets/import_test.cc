@@ -13,7 +13,7 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/text.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

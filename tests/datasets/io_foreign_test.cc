@@ -15,7 +15,7 @@
 #include "datasets/io/gps.h"
 #include "datasets/io/photo_tilt.h"
 #include "datasets/io/tables.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

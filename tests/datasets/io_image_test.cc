@@ -17,7 +17,7 @@
 #include "datasets/io/run_parts.h"
 #include "datasets/io/text.h"
 #include "datasets/io/video.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

@@ -10,7 +10,7 @@
 #include "datasets/io/gopro_gps.h"
 #include "datasets/io/gps.h"
 #include "datasets/io/time_check.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

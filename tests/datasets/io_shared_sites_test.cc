@@ -10,7 +10,7 @@
 #include "datasets/io/image.h"
 #include "datasets/io/site.h"
 #include "datasets/io/tables.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

@@ -19,7 +19,7 @@
 #include "datasets/io/site_sketch.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

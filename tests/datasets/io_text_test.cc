@@ -12,7 +12,7 @@
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
 #include "datasets/io/yaml.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

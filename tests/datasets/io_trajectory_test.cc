@@ -7,7 +7,7 @@
 
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 #include "tests/support/results_site.h"
 
 namespace trigpoint {

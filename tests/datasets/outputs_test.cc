@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "datasets/io/text.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

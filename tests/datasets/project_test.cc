@@ -4,7 +4,7 @@
 
 #include "datasets/io/text.h"
 #include "datasets/project/result_part.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

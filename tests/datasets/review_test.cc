@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "datasets/project/project.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

@@ -14,8 +14,8 @@
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
-#include "tests/datasets/io_temp_dir.h"
 #include "tests/datasets/sample_solution.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

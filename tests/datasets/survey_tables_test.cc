@@ -5,7 +5,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/io/text.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

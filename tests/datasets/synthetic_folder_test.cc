@@ -1,7 +1,6 @@
 // Written sites, read back by datasets/io, and the inputs made from them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -11,6 +10,7 @@
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
 #include "datasets/io/site.h"
+#include "tests/support/temp_dir.h"
 #include "tests/synthetic/rendered_site.h"
 #include "tests/synthetic/site_writer.h"
 #include "tests/synthetic/street_view.h"
@@ -20,21 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Eigen::Vector3d;
-
-class Folder {
- public:
-  Folder() : path_(fs::temp_directory_path() / ("trigpoint synthetic " + std::to_string(getpid()))) {
-    fs::remove_all(path_);
-  }
-  ~Folder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  fs::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  fs::path path_;
-};
 
 BodyCamera SmallCamera(const std::string& name, double yaw) {
   BodyCamera camera = SyntheticCamera(name, yaw);
@@ -60,7 +45,7 @@ RenderedSiteOptions Cheap() {
 }
 
 TEST(SyntheticFolder, WhatIsWrittenIsReadBack) {
-  const Folder folder;
+  const TempDir folder("trigpoint synthetic ");
   const SyntheticSite synthetic = SmallSite(4);
   ProgressSink progress;
   WriteRenderedSite(synthetic, Cheap(), 1, folder / "lot", folder / "lot_truth", 2, progress, {});
@@ -110,7 +95,7 @@ TEST(SyntheticFolder, WhatIsWrittenIsReadBack) {
 }
 
 TEST(SyntheticFolder, AStreetViewPanoramaIsTheSceneSeenFromItsNewPose) {
-  const Folder folder;
+  const TempDir folder("trigpoint synthetic ");
   const SyntheticSite synthetic = SmallSite(2);
   const RenderedSiteOptions cheap = Cheap();
   ProgressSink progress;
@@ -155,7 +140,7 @@ TEST(SyntheticFolder, AStreetViewPanoramaIsTheSceneSeenFromItsNewPose) {
 }
 
 TEST(SyntheticFolder, StreetViewGeotagsAreAsFarOffAsStated) {
-  const Folder folder;
+  const TempDir folder("trigpoint synthetic ");
   const SyntheticSite synthetic = SmallSite(200);
   RenderedSiteOptions cheap = Cheap();
   cheap.panorama_width = 64;
@@ -186,7 +171,7 @@ TEST(SyntheticFolder, StreetViewGeotagsAreAsFarOffAsStated) {
 }
 
 TEST(SyntheticFolder, AMirroredRunLoadsAsTheOriginal) {
-  const Folder folder;
+  const TempDir folder("trigpoint synthetic ");
   const SyntheticSite synthetic = SmallSite(0);
   ProgressSink progress;
   WriteRenderedSite(synthetic, Cheap(), 1, folder / "lot", folder / "lot_truth", 2, progress, {});
@@ -205,7 +190,7 @@ TEST(SyntheticFolder, AMirroredRunLoadsAsTheOriginal) {
 }
 
 TEST(SyntheticFolder, SaysWhatIsMissing) {
-  const Folder folder;
+  const TempDir folder("trigpoint synthetic ");
   WriteText(folder / "lot/origin.json", "{\"lat\": 48, \"lon\": 8, \"alt\": 300}");
   WriteText(folder / "lot_truth/readme.txt", "nothing");
   ProgressSink progress;

@@ -6,7 +6,7 @@
 #include "datasets/import/tag_layout_control.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
-#include "tests/datasets/io_temp_dir.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

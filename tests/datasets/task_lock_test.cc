@@ -9,7 +9,7 @@
 #include <chrono>
 #include <thread>
 
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

@@ -3,8 +3,9 @@
 
 #include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
-#include "tests/e2e/program.h"
 #include "tests/eval/shared_data.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -18,11 +19,6 @@ class Calibrate : public testing::Test {
     const auto data = SharedData("calibration");
     if (!data) GTEST_SKIP() << "no shared data";
     data_ = fs::absolute(*data);
-    std::string name = (fs::temp_directory_path() / "trigpoint_calibrate_XXXXXX").string();
-    dir_ = mkdtemp(name.data());
-  }
-  void TearDown() override {
-    if (!dir_.empty()) fs::remove_all(dir_);
   }
   Finished Run(std::vector<std::string> arguments) const {
     arguments.insert(arguments.begin(), {"calibrate", dir_.string()});
@@ -33,7 +29,8 @@ class Calibrate : public testing::Test {
   std::string Right() const { return (data_ / "stereo_checkerboard/right*.jpg").string(); }
   fs::path Result(const std::string& name) const { return dir_ / "results/calibrate" / name; }
 
-  fs::path data_, dir_;
+  fs::path data_;
+  TempDir dir_;
 };
 
 TEST_F(Calibrate, StereoAgreesWithTheReferenceAndIsUsedByARun) {

@@ -13,7 +13,7 @@
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "survey/tags/detection.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
 #include "tests/synthetic/rendered_site.h"
 
 namespace trigpoint {

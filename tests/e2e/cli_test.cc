@@ -7,8 +7,8 @@
 
 #include "datasets/io/text.h"
 #include "datasets/project/project.h"
-#include "tests/datasets/project_folder.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {
@@ -216,10 +216,7 @@ TEST(Cli, FullAndReadOnlyResultsAreOneLine) {
 class SmallSite {
  public:
   SmallSite() {
-    fs::remove(folder_ / "control_points.csv");
-    fs::remove_all(folder_ / "runs");
-    fs::copy("datasets/parking_lot", folder_.dir(), fs::copy_options::recursive);
-    for (const char* part : {"runs/run1", "photos"}) fs::remove_all(folder_ / part);
+    folder_.CopySecondRunOfParkingLot();
     folder_.Write("trigpoint.yaml",
                   "stages:\n"
                   "  references: {views: {size_px: 400}, references: {max_features: 600}}\n"

@@ -21,8 +21,9 @@ import unittest
 
 import numpy as np
 
+from survey_site import ORIGIN, axes, ecef, write
+
 PROGRAM = ""
-ORIGIN = (48.0125518, 7.8322567, 240.0)
 YAW = math.radians(30)
 SHIFT = np.array([5.0, -3.0, 1.2])  # world_from_odom
 COUNT = 6
@@ -67,20 +68,8 @@ def body_pose(row, scale):
     return pose
 
 
-def ecef(lat, lon, h):
-    a, f = 6378137.0, 1 / 298.257223563
-    e2 = f * (2 - f)
-    lat, lon = math.radians(lat), math.radians(lon)
-    n = a / math.sqrt(1 - e2 * math.sin(lat) ** 2)
-    return np.array([(n + h) * math.cos(lat) * math.cos(lon), (n + h) * math.cos(lat) * math.sin(lon), (n * (1 - e2) + h) * math.sin(lat)])
-
-
 def enu(lat, lon, h):
-    la, lo = math.radians(ORIGIN[0]), math.radians(ORIGIN[1])
-    r = np.array([[-math.sin(lo), math.cos(lo), 0],
-                  [-math.sin(la) * math.cos(lo), -math.sin(la) * math.sin(lo), math.cos(la)],
-                  [math.cos(la) * math.cos(lo), math.cos(la) * math.sin(lo), math.sin(la)]])
-    return r @ (ecef(lat, lon, h) - ecef(*ORIGIN))
+    return axes() @ (ecef(lat, lon, h) - ecef(*ORIGIN))
 
 
 # A camera that looks along +y of odom: columns are the camera's axes.
@@ -93,12 +82,6 @@ FOCAL, CX, CY = 500.0, 319.5, 239.5
 def pixel(i, p):
     c = ODOM_FROM_CAM.T @ (p - CENTRES[i])
     return FOCAL * c[0] / c[2] + CX, FOCAL * c[1] / c[2] + CY
-
-
-def write(path, text):
-    os.makedirs(os.path.dirname(path), exist_ok=True)
-    with open(path, "w", encoding="utf-8") as out:
-        out.write(text)
 
 
 def make_project(folder):

@@ -10,8 +10,8 @@
 #include "datasets/io/trajectory.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
-#include "tests/datasets/project_folder.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {
@@ -23,10 +23,7 @@ using testing::HasSubstr;
 class Reconstructed : public testing::Test {
  protected:
   Reconstructed() {
-    fs::remove(folder_ / "control_points.csv");
-    fs::remove_all(folder_ / "runs");
-    fs::copy("datasets/parking_lot", folder_.dir(), fs::copy_options::recursive);
-    for (const char* part : {"runs/run1", "photos"}) fs::remove_all(folder_ / part);
+    folder_.CopySecondRunOfParkingLot();
     Configure("");
   }
   void Configure(const std::string& more) const {

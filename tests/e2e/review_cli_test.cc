@@ -1,11 +1,10 @@
 // review, mark, inspect: from outside.
 #include <gmock/gmock.h>
-#include <unistd.h>
 
 #include "datasets/io/text.h"
-#include "tests/datasets/project_folder.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
 #include "tests/support/results_site.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -15,14 +14,10 @@ using testing::HasSubstr;
 
 class ReviewCli : public testing::Test {
  protected:
-  ReviewCli() : dir_(fs::temp_directory_path() / ("trigpoint_review_" + std::to_string(getpid()))) {
+  ReviewCli() {
     ResultsSiteSize size;
     size.images = 12, size.points = 300;
     WriteResultsSite(dir_, size);
-  }
-  ~ReviewCli() override {
-    std::error_code ignored;
-    fs::remove_all(dir_, ignored);
   }
   Finished Review(std::vector<std::string> arguments) const {
     arguments.insert(arguments.begin(), {"review", dir_.string()});
@@ -30,7 +25,7 @@ class ReviewCli : public testing::Test {
   }
   std::string States() const { return Trigpoint({"status", dir_.string(), "--json"}).out; }
 
-  fs::path dir_;
+  TempDir dir_;
 };
 
 TEST_F(ReviewCli, WritesWhatTheDesktopWrites) {

@@ -11,8 +11,8 @@
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
-#include "tests/datasets/project_folder.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
+#include "tests/support/project_folder.h"
 #include "tests/synthetic/rendered_site.h"
 
 namespace trigpoint {

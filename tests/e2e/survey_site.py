@@ -24,13 +24,17 @@ def ecef(lat, lon, h):
                      (n * (1 - e2) + h) * math.sin(lat)])
 
 
+def axes():
+    """Rows: east, north, up at the site's origin."""
+    la, lo = math.radians(ORIGIN[0]), math.radians(ORIGIN[1])
+    return np.array([[-math.sin(lo), math.cos(lo), 0],
+                     [-math.sin(la) * math.cos(lo), -math.sin(la) * math.sin(lo), math.cos(la)],
+                     [math.cos(la) * math.cos(lo), math.cos(la) * math.sin(lo), math.sin(la)]])
+
+
 def geodetic(point):
     """Latitude, longitude, height of a point of the site's east-north-up frame."""
-    la, lo = math.radians(ORIGIN[0]), math.radians(ORIGIN[1])
-    r = np.array([[-math.sin(lo), math.cos(lo), 0],
-                  [-math.sin(la) * math.cos(lo), -math.sin(la) * math.sin(lo), math.cos(la)],
-                  [math.cos(la) * math.cos(lo), math.cos(la) * math.sin(lo), math.sin(la)]])
-    wanted = r.T @ np.array(point[:3], float) + ecef(*ORIGIN)
+    wanted = axes().T @ np.array(point[:3], float) + ecef(*ORIGIN)
     lat, lon, h = ORIGIN
     for _ in range(8):  # Newton's method with numeric derivatives
         at = ecef(lat, lon, h)

@@ -14,7 +14,8 @@
 #include "datasets/io/trajectory.h"
 #include "datasets/project/lock.h"
 #include "eval/errors/rotation_errors.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -29,9 +30,6 @@ using testing::Not;
 class Site {
  public:
   Site() {
-    static int count = 0;
-    dir_ =
-        fs::temp_directory_path() / ("trigpoint_evaluate_" + std::to_string(getpid()) + "_" + std::to_string(count++));
     std::string stations = "station,tag_id,east_m,north_m,up_m,sigma_m\n";
     std::string control = "tag_id,role,x_m,y_m,z_m,sigma_h_m,sigma_v_m\n";
     for (int i = 0; i < 9; ++i) {
@@ -56,7 +54,6 @@ class Site {
       Localize(run, 0.1, run == std::string("run1") ? 1 : 2);
     }
   }
-  ~Site() { fs::remove_all(dir_); }
 
   // A result whose errors per axis have this sigma.
   void Localize(const std::string& result, double sigma, uint64_t seed, const std::string& mode = "trigpoint",
@@ -139,7 +136,7 @@ class Site {
   std::string dir() const { return dir_.string(); }
 
  private:
-  fs::path dir_;
+  TempDir dir_;
 };
 
 json GroupOf(const json& summary, const std::string& method, const std::string& variant = "") {
@@ -190,22 +187,16 @@ TEST(EvaluateCommand, UsesMeasuredOffsetsWhenAsked) {
              "estimated_north_m,estimated_up_m,sigma_east_m,sigma_north_m,sigma_up_m\n"
              "S3,pano3,3,contradicts,,0,0,1,1,0,1,0.01,0.01,0.02\nS4,pano4,4,unseen,,0,0,1,,,,,,\n");
   ASSERT_EQ(Trigpoint({"evaluate", site.dir()}).exit_code, 0);
-  const auto shared = [&](const std::string& station) {
+  const auto value = [&](const std::string& station, const char* column) {
     const CsvTable errors = CsvTable::Read(fs::path(site.dir()) / "results/evaluate/errors.csv", {});
     for (const CsvRow& row : errors.rows()) {
       if (row.Text("station") == station && row.Text("reference") == "control" && row.Text("run") == "run1")
-        return row.Text("shares_evidence");
+        return row.Text(column);
     }
     return std::string("no such row");
   };
-  const auto east = [&](const std::string& station) {
-    const CsvTable errors = CsvTable::Read(fs::path(site.dir()) / "results/evaluate/errors.csv", {});
-    for (const CsvRow& row : errors.rows()) {
-      if (row.Text("station") == station && row.Text("reference") == "control" && row.Text("run") == "run1")
-        return row.Number("de_m");
-    }
-    return HUGE_VAL;
-  };
+  const auto shared = [&](const std::string& station) { return value(station, "shares_evidence"); };
+  const auto east = [&](const std::string& station) { return ParseDouble(value(station, "de_m")).value_or(HUGE_VAL); };
   const double stated = east("S3"), other = east("S4");
   EXPECT_EQ(shared("S3"), "no");
   const Finished estimated = Trigpoint({"evaluate", site.dir(), "--offsets", "estimated"});

@@ -3,11 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <sstream>
-
 #include "calib/base/error.h"
 #include "eval/errors/results.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -18,22 +16,6 @@ using ::testing::Not;
 
 class EvaluationFiles : public ::testing::Test {
  protected:
-  void SetUp() override {
-    dir_ = fs::temp_directory_path() /
-           (std::string("trigpoint_eval_") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(dir_);
-    fs::create_directories(dir_);
-  }
-  void TearDown() override { fs::remove_all(dir_); }
-  fs::path Write(const std::string& name, const std::string& text) const {
-    std::ofstream(dir_ / name) << text;
-    return dir_ / name;
-  }
-  static std::string Read(const fs::path& file) {
-    std::stringstream text;
-    text << std::ifstream(file).rdbuf();
-    return text.str();
-  }
   // Two runs at two stations; the second run has nothing to say about the second.
   static Evaluation Example() {
     const auto run = [](const std::string& name, double error1, std::optional<double> error2) {
@@ -58,7 +40,7 @@ class EvaluationFiles : public ::testing::Test {
     return Evaluate({.runs = {run("r1", 0.25, 0.5), run("r2", 0.125, std::nullopt)},
                      .stations = {{.name = "A", .tag_id = 0}, {.name = "B", .tag_id = 1}}});
   }
-  fs::path dir_;
+  TempDir dir_;
 };
 
 TEST_F(EvaluationFiles, TheTableHasRunsAsRowsStationsAsColumnsAndBlanks) {
@@ -80,22 +62,22 @@ TEST_F(EvaluationFiles, FeetAreForPeopleOnly) {
   const std::vector<ErrorTable> tables = ErrorTables(Example());
   EXPECT_THAT(FormatMarkdown(tables[0], feet), HasSubstr("0.82"));
   WriteEvaluation(Example(), dir_, feet);
-  EXPECT_THAT(Read(dir_ / "errors.csv"), HasSubstr("0.250000000"));
+  EXPECT_THAT(dir_.Read("errors.csv"), HasSubstr("0.250000000"));
 }
 
 TEST_F(EvaluationFiles, WritesErrorsTablesAndSummary) {
   const Evaluation evaluation = Example();
   WriteEvaluation(evaluation, dir_);
-  const std::string errors = Read(dir_ / "errors.csv");
+  const std::string errors = dir_.Read("errors.csv");
   EXPECT_THAT(errors, HasSubstr("run,variant,method,station,panorama,tag_id,reference,kind,status,reason,error_3d_m,"
                                 "error_h_m,error_v_m,de_m,dn_m,du_m,error_rot_deg,sigma_e_m,sigma_n_m,sigma_u_m,nees,"
                                 "dof,"));
   EXPECT_THAT(errors,
               HasSubstr("r2,,single,B,\"pano, 1\",1,self,relative,rejected,too far,,,,,,,,,,,,,,,,,,,,,,,,yes,,yes\n"));
   EXPECT_TRUE(fs::exists(dir_ / "table_single_self_relative.csv"));
-  EXPECT_THAT(Read(dir_ / "tables.md"), HasSubstr("3 answers of 4 attempts"));
+  EXPECT_THAT(dir_.Read("tables.md"), HasSubstr("3 answers of 4 attempts"));
 
-  const nlohmann::json summary = nlohmann::json::parse(Read(dir_ / "summary.json"));
+  const nlohmann::json summary = nlohmann::json::parse(dir_.Read("summary.json"));
   EXPECT_EQ(summary.at("schema"), "trigpoint evaluate 1");
   const nlohmann::json& group = summary.at("groups").at(0);
   EXPECT_EQ(group.at("attempts"), 4);
@@ -125,8 +107,8 @@ TEST_F(EvaluationFiles, WhatIsNoAttemptIsReadBackAsNone) {
       "run,variant,method,station,panorama,tag_id,reference,kind,status,reason,error_3d_m,error_h_m,error_v_m,de_m,"
       "dn_m,du_m,error_rot_deg,sigma_e_m,sigma_n_m,sigma_u_m,nees,dof\n";
   const std::vector<ErrorRow> old =
-      ReadErrors(Write("old.csv", header + "r1,,single,A,a.jpg,0,self,relative,rejected,,,,,,,,,,,,,\n" +
-                                      "r1,,single,B,b.jpg,1,self,relative,no_reference,,,,,,,,,,,,,\n"));
+      ReadErrors(dir_.Write("old.csv", header + "r1,,single,A,a.jpg,0,self,relative,rejected,,,,,,,,,,,,,\n" +
+                                           "r1,,single,B,b.jpg,1,self,relative,no_reference,,,,,,,,,,,,,\n"));
   EXPECT_TRUE(old.at(0).attempt);
   EXPECT_FALSE(old.at(1).attempt);
 }
@@ -141,12 +123,13 @@ TEST_F(EvaluationFiles, ThePaperPrintsBesideOursOnRequest) {
 }
 
 TEST_F(EvaluationFiles, ResultReadersTakeBlanksAndNanAsNotGiven) {
-  Write("panoramas.csv",
-        "# trigpoint panoramas 1\n"
-        "panorama,station,status,reason,x,y,z,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,inliers,views,odom_x,odom_y,"
-        "odom_z,odom_qx,odom_qy,odom_qz,odom_qw\n"
-        "a.jpg,A,localized,,1,2,3,0,0,0,1,0.1,nan,0.3,50,4,4,5,6,0,0,1,0\n"
-        "b.jpg,B,unmatched,\"no view, none\",,,,,,,,,,,,,,,,,,,\n");
+  dir_.Write(
+      "panoramas.csv",
+      "# trigpoint panoramas 1\n"
+      "panorama,station,status,reason,x,y,z,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,inliers,views,odom_x,odom_y,"
+      "odom_z,odom_qx,odom_qy,odom_qz,odom_qw\n"
+      "a.jpg,A,localized,,1,2,3,0,0,0,1,0.1,nan,0.3,50,4,4,5,6,0,0,1,0\n"
+      "b.jpg,B,unmatched,\"no view, none\",,,,,,,,,,,,,,,,,,,\n");
   const LocalizeResult result = ReadLocalizeResult(dir_);
   ASSERT_EQ(result.panoramas.size(), 2u);
   EXPECT_NEAR(result.panoramas[0].world_from_pano->translation.y(), 2, 1e-12);
@@ -163,7 +146,7 @@ TEST_F(EvaluationFiles, ResultReadersNameWhatIsWrong) {
   const std::string header = "tag_id,family,size_m,x,y,z,qx,qy,qz,qw\n";
   const auto message = [&](const std::string& rows) -> std::string {
     try {
-      ReadTagResults(Write("tags.csv", header + rows));
+      ReadTagResults(dir_.Write("tags.csv", header + rows));
     } catch (const InputError& e) {
       return e.what();
     }
@@ -184,8 +167,8 @@ TEST_F(EvaluationFiles, TagCovariancesAreOfTheDiagonalBlocks) {
       other += ",9";
     }
   }
-  Write("tags_cov.csv", columns + "\n" + diagonal + "\n" + other + "\n");
-  Write("tags.csv", "tag_id,x,y,z,qx,qy,qz,qw,sigma_rx_deg,sigma_ry_deg,sigma_rz_deg\n7,1,2,3,0,0,0,1,180,0,0\n");
+  dir_.Write("tags_cov.csv", columns + "\n" + diagonal + "\n" + other + "\n");
+  dir_.Write("tags.csv", "tag_id,x,y,z,qx,qy,qz,qw,sigma_rx_deg,sigma_ry_deg,sigma_rz_deg\n7,1,2,3,0,0,0,1,180,0,0\n");
   const auto tags = ReadTagResults(dir_ / "tags.csv", dir_ / "tags_cov.csv");
   ASSERT_TRUE(tags.at(0).covariance);
   EXPECT_DOUBLE_EQ((*tags[0].covariance)(5, 5), 6);

@@ -7,8 +7,9 @@
 #include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
-#include "tests/e2e/program.h"
 #include "tests/eval/shared_data.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -19,15 +20,7 @@ using testing::HasSubstr;
 
 class TrajectoryCommand : public ::testing::Test {
  protected:
-  void SetUp() override {
-    dir_ = fs::temp_directory_path() / ("trigpoint_trajectory_command_" + std::to_string(getpid()));
-    fs::create_directories(dir_);
-  }
-  void TearDown() override { fs::remove_all(dir_); }
-  std::string Write(const std::string& name, const std::string& text) const {
-    WriteFileAtomically(dir_ / name, text);
-    return (dir_ / name).string();
-  }
+  std::string Write(const std::string& name, const std::string& text) const { return dir_.Write(name, text).string(); }
   // A winding path at 10 Hz, moved in time, space and shifted in its body.
   std::string Path(const std::string& name, double clock_s, const Eigen::Vector3d& shift, double scale = 1,
                    const Eigen::Vector3d& lever = Eigen::Vector3d::Zero()) const {
@@ -51,7 +44,7 @@ class TrajectoryCommand : public ::testing::Test {
     EXPECT_EQ(run.exit_code, 0) << run.err;
     return run.Json().at("estimates").at(0);
   }
-  fs::path dir_;
+  TempDir dir_;
 };
 
 TEST_F(TrajectoryCommand, AlignsOnlyWhenAsked) {

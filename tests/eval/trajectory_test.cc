@@ -11,6 +11,7 @@
 #include "calib/estimation/random.h"
 #include "datasets/io/site.h"
 #include "tests/eval/shared_data.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -156,24 +157,11 @@ TEST(EvaluateTrajectory, ReportsAndFormats) {
 
 class TrajectoryFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    file_ = std::filesystem::temp_directory_path() /
-            (std::string("trigpoint_trajectory_") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
-  }
-  void TearDown() override { std::filesystem::remove(file_); }
-  PoseSequence Read(const std::string& text) const {
-    std::ofstream(file_) << text;
-    return ReadPoseSequence(file_);
-  }
+  PoseSequence Read(const std::string& text) const { return ReadPoseSequence(dir_.Write("poses", text)); }
   std::string Message(const std::string& text) const {
-    try {
-      Read(text);
-    } catch (const InputError& e) {
-      return e.what();
-    }
-    return "";
+    return MessageOf<InputError>([&] { Read(text); });
   }
-  std::filesystem::path file_;
+  TempDir dir_;
 };
 
 TEST_F(TrajectoryFile, ReadsTumEurocAndKitti) {

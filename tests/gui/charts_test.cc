@@ -17,16 +17,10 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr const char* kSummary = R"({"schema": "trigpoint evaluate 1", "confidence": 0.95, "groups": [
-  {"variant": "", "method": "single", "reference": "control", "kind": "absolute", "shares_evidence": false,
-   "answers": 4, "attempts": 4, "error_3d": {"over_answers": {"median_m": 0.025, "p90_m": 0.037, "max_m": 0.04}},
-   "cumulative": [{"error_m": 0.01, "share": 0.25}, {"error_m": 0.02, "share": 0.5},
-                  {"error_m": 0.03, "share": 0.75}, {"error_m": 0.04, "share": 1.0}]}]})";
-
 class ChartsTest : public ResultsWindowTest {
  protected:
   void SetUp() override {
-    WriteFileAtomically(Path("results/evaluate/summary.json").toStdString(), kSummary);
+    WriteFileAtomically(Path("results/evaluate/summary.json").toStdString(), kEvaluateSummary);
     WriteFileAtomically(Path("results/survey/tags.csv").toStdString(),
                         "# trigpoint tags 1\ntag_id,role,status,size_m,x,y,z,rms_px,images,runs\n"
                         "0,control,ok,0.5,1,2,3,0.2,4,1\n2,,ok,0.5,4,2,3,0.9,4,1\n");

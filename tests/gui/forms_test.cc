@@ -31,15 +31,6 @@ using testing::HasSubstr;
 class FormsTest : public ResultsWindowTest {
  protected:
   QWidget* Option(const char* name) { return Child<QWidget>(window_.get(), (std::string("option.") + name).c_str()); }
-  QAction* MenuAction(const QString& text) {
-    for (QAction* menu : window_->menuBar()->actions()) {
-      for (QAction* action : menu->menu()->actions()) {
-        if (action->text().remove('&') == text) return action;
-      }
-    }
-    ADD_FAILURE() << text.toStdString();
-    return nullptr;
-  }
 };
 
 TEST_F(FormsTest, OptionsStandInGroupsAndAreFoundByAWord) {

@@ -5,11 +5,15 @@
 
 #include <QAbstractButton>
 #include <QAbstractItemView>
+#include <QAction>
 #include <QApplication>
 #include <QDir>
 #include <QFileDialog>
 #include <QLineEdit>
+#include <QMenu>
+#include <QMenuBar>
 #include <QMessageBox>
+#include <QMouseEvent>
 #include <QSettings>
 #include <QTableView>
 #include <QTemporaryDir>
@@ -28,6 +32,13 @@ namespace trigpoint {
 constexpr const char* kDesks[] = {"overview", "run",       "scene",       "images", "tables", "charts", "compare",
                                   "review",   "panoramas", "calibration", "plan",   "print",  "check"};
 constexpr int kPatience = 60000;  // ms; machines that are busy with other things are slow
+
+// One comparison of four answers.
+constexpr const char* kEvaluateSummary = R"({"schema": "trigpoint evaluate 1", "confidence": 0.95, "groups": [
+  {"variant": "", "method": "single", "reference": "control", "kind": "absolute", "shares_evidence": false,
+   "answers": 4, "attempts": 4, "error_3d": {"over_answers": {"median_m": 0.025, "p90_m": 0.037, "max_m": 0.04}},
+   "cumulative": [{"error_m": 0.01, "share": 0.25}, {"error_m": 0.02, "share": 0.5},
+                  {"error_m": 0.03, "share": 0.75}, {"error_m": 0.04, "share": 1.0}]}]})";
 
 inline bool WaitFor(const std::function<bool()>& condition, int ms = kPatience) {
   return QTest::qWaitFor(condition, ms);
@@ -75,6 +86,16 @@ inline void ChoosePath(QWidget* window, const QString& path) {
   ASSERT_TRUE(WaitFor([&] { return window->findChild<QFileDialog*>("path.dialog") == nullptr; }));
 }
 
+// QTest moves the mouse without its button.
+inline void Drag(QWidget* view, const QPoint& from, const QPoint& to) {
+  QTest::mousePress(view, Qt::LeftButton, {}, from);
+  for (const QPoint& at : {(from + to) / 2, to}) {
+    QMouseEvent move(QEvent::MouseMove, at, Qt::LeftButton, Qt::LeftButton, {});
+    QApplication::sendEvent(view, &move);
+  }
+  QTest::mouseRelease(view, Qt::LeftButton, {}, to);
+}
+
 inline void ClickRow(QAbstractItemView* view, int row) {
   const QModelIndex index = view->model()->index(row, 0);
   view->scrollTo(index);
@@ -116,6 +137,15 @@ class ResultsWindowTest : public testing::Test {
     window_ = OpenWindow(site_->path());
   }
   QString Path(const char* file) const { return site_->path() + "/" + file; }
+  QAction* MenuAction(const QString& text) {
+    for (QAction* menu : window_->menuBar()->actions()) {
+      for (QAction* action : menu->menu()->actions()) {
+        if (action->text().remove('&') == text) return action;
+      }
+    }
+    ADD_FAILURE() << text.toStdString();
+    return nullptr;
+  }
   void ShowScene() {
     window_->ShowDesk("scene");
     ASSERT_TRUE(WaitFor([&] { return window_->scene()->HasScene(); }));

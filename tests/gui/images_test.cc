@@ -8,7 +8,6 @@
 #include <QLabel>
 #include <QListWidget>
 #include <QMenu>
-#include <QMouseEvent>
 #include <QSignalSpy>
 #include <QSplitter>
 #include <QThreadPool>
@@ -62,13 +61,7 @@ class ImagesTest : public ResultsWindowTest {
   }
   void Drag(const QPointF& from_pixel, const QPointF& to_pixel) {
     PictureView* view = images_->left();
-    const QPoint from = view->WidgetAt(from_pixel).toPoint(), to = view->WidgetAt(to_pixel).toPoint();
-    QTest::mousePress(view, Qt::LeftButton, {}, from);
-    for (const QPoint& at : {(from + to) / 2, to}) {  // QTest moves the mouse without its button
-      QMouseEvent move(QEvent::MouseMove, at, Qt::LeftButton, Qt::LeftButton, {});
-      QApplication::sendEvent(view, &move);
-    }
-    QTest::mouseRelease(view, Qt::LeftButton, {}, to);
+    trigpoint::Drag(view, view->WidgetAt(from_pixel).toPoint(), view->WidgetAt(to_pixel).toPoint());
   }
   // The rows of the file without the header.
   std::string Rows() const {

@@ -68,12 +68,6 @@ TEST(ReportText, EveryTextThatIsListedHasATranslation) {
   }
 }
 
-constexpr const char* kSummary = R"({"schema": "trigpoint evaluate 1", "confidence": 0.95, "groups": [
-  {"variant": "", "method": "single", "reference": "control", "kind": "absolute", "shares_evidence": false,
-   "answers": 4, "attempts": 4, "error_3d": {"over_answers": {"median_m": 0.025, "p90_m": 0.037, "max_m": 0.04}},
-   "cumulative": [{"error_m": 0.01, "share": 0.25}, {"error_m": 0.02, "share": 0.5},
-                  {"error_m": 0.03, "share": 0.75}, {"error_m": 0.04, "share": 1.0}]}]})";
-
 // Texts that are English sentences: names and numbers are left out.
 void AddUntranslated(const std::string& text, std::vector<std::string>* untranslated) {
   const QString shown = QString::fromStdString(text);
@@ -101,7 +95,7 @@ class LanguageTest : public ResultsWindowTest {
  protected:
   void SetUp() override {
     WriteFileAtomically(Path("trigpoint.yaml").toStdString(), "name: language\n");
-    WriteFileAtomically(Path("results/evaluate/summary.json").toStdString(), kSummary);
+    WriteFileAtomically(Path("results/evaluate/summary.json").toStdString(), kEvaluateSummary);
     ASSERT_TRUE(german_.loaded()) << "build the target trigpoint_languages";
     ResultsWindowTest::SetUp();
     ASSERT_TRUE(WaitFor([&] { return window_->findChild<QTableWidget*>("overview.matrix") != nullptr; }));

@@ -7,7 +7,6 @@
 #include <QDockWidget>
 #include <QHelpEvent>
 #include <QLabel>
-#include <QMenuBar>
 #include <QSignalSpy>
 #include <QStyleOptionComboBox>
 #include <QTableWidget>
@@ -125,12 +124,7 @@ TEST_F(MendedTest, AClosedDockComesBackFromTheMenu) {
   auto* dock = Child<QDockWidget>(window_.get(), "site");
   dock->close();
   EXPECT_FALSE(dock->isVisible());
-  QAction* site = nullptr;
-  for (QAction* menu : window_->menuBar()->actions()) {
-    for (QAction* action : menu->menu()->actions()) {
-      if (action->text() == "Site") site = action;
-    }
-  }
+  QAction* site = MenuAction("Site");
   ASSERT_NE(site, nullptr);
   site->trigger();
   EXPECT_TRUE(dock->isVisible());

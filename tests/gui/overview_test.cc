@@ -273,6 +273,12 @@ TEST_F(OverviewTest, NextIsWhatStatusAdvises) {
   EXPECT_TRUE(WaitFor([&] { return opened.count() == 1; }));
 }
 
+void WriteSiteWithoutResults(const std::filesystem::path& dir) {
+  WriteResultsSite(dir, {});
+  std::filesystem::remove_all(dir / "results");
+  WriteFileAtomically(dir / "trigpoint.yaml", "name: made\n");
+}
+
 // Results that are up to date for the program, without computing any; `fails` is a stage, or empty.
 void PretendResults(const std::filesystem::path& dir, const std::string& fails) {
   const Project project = Project::Open(dir);
@@ -298,9 +304,7 @@ TEST(NextStepTest, AfterAFailureAndWhenNothingIsLeft) {
   QSettings().clear();
   const QTemporaryDir site;
   const std::filesystem::path dir = site.path().toStdString();
-  WriteResultsSite(dir, {});
-  std::filesystem::remove_all(dir / "results");
-  WriteFileAtomically(dir / "trigpoint.yaml", "name: next\n");
+  WriteSiteWithoutResults(dir);
   PretendResults(dir, "survey");
   const auto window = OpenWindow(site.path());
   auto* desk = window->overview();
@@ -325,9 +329,7 @@ TEST(NextStepTest, NumbersOfEarlierResultsAreSaidToBe) {
   QSettings().clear();
   const QTemporaryDir site;
   const std::filesystem::path dir = site.path().toStdString();
-  WriteResultsSite(dir, {});
-  std::filesystem::remove_all(dir / "results");
-  WriteFileAtomically(dir / "trigpoint.yaml", "name: stale\n");
+  WriteSiteWithoutResults(dir);
   PretendResults(dir, "");
   const auto window = OpenWindow(site.path());
   const auto words = [&] {
@@ -390,9 +392,7 @@ TEST(NextStepTest, AnEmptyFolderHasNoPhotos) {
 TEST(NextStepTest, WhatADecisionReplacedIsKept) {
   const QTemporaryDir site;
   const std::filesystem::path dir = site.path().toStdString();
-  WriteResultsSite(dir, {});
-  std::filesystem::remove_all(dir / "results");
-  WriteFileAtomically(dir / "trigpoint.yaml", "name: kept\n");
+  WriteSiteWithoutResults(dir);
   PretendResults(dir, "");
   const auto decide = [&](const char* action, const char* object) {
     ReviewRequest request;

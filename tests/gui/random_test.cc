@@ -6,7 +6,6 @@
 #include <QCheckBox>
 #include <QComboBox>
 #include <QListWidget>
-#include <QMouseEvent>
 #include <QSignalSpy>
 #include <QSortFilterProxyModel>
 #include <QSpinBox>
@@ -120,13 +119,7 @@ class RandomSession : public testing::Test {
     PictureView* view = window_->images()->left();
     for (const PictureMark& mark : view->marks()) {
       if (!mark.object.startsWith("mark:")) continue;
-      const QPoint from = view->WidgetAt(mark.points[0]).toPoint(), to = AnyPlace();
-      QTest::mousePress(view, Qt::LeftButton, {}, from);
-      for (const QPoint& at : {(from + to) / 2, to}) {
-        QMouseEvent move(QEvent::MouseMove, at, Qt::LeftButton, Qt::LeftButton, {});
-        QApplication::sendEvent(view, &move);
-      }
-      return QTest::mouseRelease(view, Qt::LeftButton, {}, to);
+      return Drag(view, view->WidgetAt(mark.points[0]).toPoint(), AnyPlace());
     }
   }
   void RemoveMark() {

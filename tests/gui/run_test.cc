@@ -4,7 +4,6 @@
 #include <QAction>
 #include <QComboBox>
 #include <QLabel>
-#include <QMenuBar>
 #include <QMessageBox>
 #include <QPlainTextEdit>
 #include <QSignalSpy>
@@ -110,11 +109,7 @@ TEST_F(RunTest, AllIsWhatStatusAdvises) {
     window_->jobs()->Cancel();
   });
   QSignalSpy ended(window_->jobs(), &JobController::Finished);
-  for (QAction* menu : window_->menuBar()->actions()) {
-    for (QAction* action : menu->menu()->actions()) {
-      if (action->text().remove('&') == "Run all that is out of date") action->trigger();
-    }
-  }
+  MenuAction("Run all that is out of date")->trigger();
   ASSERT_TRUE(WaitFor([&] { return ended.count() == 1; }));
   EXPECT_EQ(commands, QStringList("trigpoint run " + site_->path()));
   EXPECT_EQ(Child<QLineEdit>(window_.get(), "run.command")->text(), commands.value(0));

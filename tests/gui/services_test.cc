@@ -6,7 +6,6 @@
 #include <QComboBox>
 #include <QFile>
 #include <QLabel>
-#include <QMenuBar>
 #include <QSignalSpy>
 #include <QTableWidget>
 
@@ -172,11 +171,7 @@ TEST_F(ServicesTest, FitsIntoASmallScreen) {
 }
 
 TEST_F(ServicesTest, TheMenuOpensIt) {
-  for (QAction* menu : window_->menuBar()->actions()) {
-    for (QAction* action : menu->menu()->actions()) {
-      if (action->text().remove('&') == "Panoramas of services ...") action->trigger();
-    }
-  }
+  MenuAction("Panoramas of services ...")->trigger();
   Child<ServicesDialog>(window_.get(), "services")->close();
 }
 

@@ -7,6 +7,8 @@
 
 #include "datasets/io/gps.h"
 #include "tests/datasets/io_temp_dir.h"
+#include "tests/support/project_folder.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

@@ -7,8 +7,8 @@
 #include <fstream>
 #include <functional>
 
-#include "tests/datasets/io_temp_dir.h"
 #include "tests/localize/test_scene.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

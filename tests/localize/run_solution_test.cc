@@ -2,7 +2,6 @@
 #include "localize/run_solution.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
@@ -12,6 +11,7 @@
 #include "calib/base/median.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
+#include "tests/support/temp_dir.h"
 #include "tests/synthetic/synthetic_features.h"
 
 namespace trigpoint {
@@ -54,15 +54,14 @@ class RunSolution : public testing::Test {
   RunSolution() : drive_(MakeDrive()) {
     drive_.input.image_features = [this](int i) { return SyntheticImageFeatures(drive_.site, i); };
     drive_.input.view_features = [this](int p, int v) { return SyntheticViewFeatures(drive_.site, p, v); };
-    file_ = std::filesystem::temp_directory_path() / ("trigpoint_run_solution_" + std::to_string(getpid()) + ".db");
   }
-  ~RunSolution() override { std::filesystem::remove(file_); }
   RunReconstruction Run() { return ReconstructRun(drive_.input, {}, false, 2, 1, progress_, {}); }
   Localization Localized(Reconstruction run) {
     return Localize(drive_.input, std::move(run), {}, LocalizeOptions(), 2, 1, progress_, {});
   }
   Drive drive_;
-  std::filesystem::path file_;
+  TempDir dir_;
+  std::filesystem::path file_ = dir_ / "run.db";
   ProgressSink progress_;
 };
 

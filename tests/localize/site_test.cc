@@ -9,26 +9,22 @@
 #include "calib/estimation/random.h"
 #include "datasets/solution/solution_covariance.h"
 #include "localize/site/adjust_site.h"
+#include "tests/localize/world_tags.h"
 #include "tests/synthetic/synthetic_site.h"
 
 namespace trigpoint {
 namespace {
 
+using test::CamFromBody;
+using test::FacingTheRun;
+using test::Normal3;
+using test::OdometryFactor;
+using test::SightedTag;
+
 constexpr int kPoses = 24, kRuns = 3, kSpots = 260, kPanoramas = 4;
-constexpr double kPixel_px = 0.7, kViewPixel_px = 1.0, kTagPixel_px = 0.3, kTagSize_m = 0.5;
+constexpr double kPixel_px = 0.7, kViewPixel_px = 1.0, kTagPixel_px = 0.3;
 constexpr double kStepSigma_m = 0.02, kTurnSigma_rad = 0.002, kScaleSigma = 0.01;
 constexpr double kGeotag_m = 0.3, kHeading_rad = 0.02, kTilt_rad = 0.005;
-
-Eigen::Vector3d Normal3(Random* random, double sigma) {
-  return {sigma * random->Normal(), sigma * random->Normal(), sigma * random->Normal()};
-}
-
-// x forward, y left, z up seen by a camera that looks to the left.
-Rigid3d CamFromBody() {
-  Eigen::Matrix3d r;
-  r << 1, 0, 0, 0, 0, -1, 0, 1, 0;
-  return {Eigen::Quaterniond(r), Eigen::Vector3d(0.1, 0.2, 0)};
-}
 
 // Body `i` of run `run`: side by side on a bend.
 Rigid3d Truth(int run, int i) {
@@ -107,14 +103,7 @@ void AddOdometry(int run, Random* random, SiteRun* out) {
       step.rotation = ExpSO3(Normal3(random, kTurnSigma_rad)) * step.rotation;
       step.translation = step.translation / scale + Normal3(random, kStepSigma_m);
       odom_from_body = odom_from_body * step;
-      PoseFactor f;
-      f.kind = PoseFactor::Kind::kBetween;
-      f.a = i - 1, f.b = i;
-      f.scale = 0;
-      f.measured = step;
-      f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / kTurnSigma_rad),
-          Eigen::Vector3d::Constant(1 / kStepSigma_m);
-      p.factors.push_back(f);
+      p.factors.push_back(OdometryFactor(i, step, kTurnSigma_rad, kStepSigma_m));
     }
     p.poses.push_back(odom_from_body.Inverse());
     p.pose_constant.push_back(i == 0);
@@ -303,15 +292,19 @@ TEST(Site, IsAsGoodAsItSaysAndNoWorseThanARunAlone) {
   EXPECT_LT(panoramas, 1.02 * panoramas_alone);
 }
 
+// The frame of its odometry begins anywhere.
+void LoseGeoreference(Solution* solution) {
+  solution->georeference.reset();
+  const Rigid3d far(Eigen::Quaterniond::Identity(), Eigen::Vector3d(1000, 0, 0));
+  for (Rigid3d& pose : solution->problem.poses) pose = pose * far.Inverse();
+  for (Eigen::Vector3d& point : solution->problem.points) point = far * point;
+}
+
 TEST(Site, RunWithoutGeoreferenceIsPlacedByWhatItShares) {
   Random random(5);
   const World w = MakeWorld(&random);
   std::vector<SiteRun> runs = {MakeRun(0, w, &random), MakeRun(1, w, &random)};
-  Solution& alone = runs[1].solution;
-  alone.georeference.reset();
-  const Rigid3d far(Eigen::Quaterniond::Identity(), Eigen::Vector3d(1000, 0, 0));  // its frame begins anywhere
-  for (Rigid3d& pose : alone.problem.poses) pose = pose * far.Inverse();
-  for (Eigen::Vector3d& point : alone.problem.points) point = far * point;
+  LoseGeoreference(&runs[1].solution);
   const SiteAdjustment site = Adjust(runs);
   ASSERT_EQ(site.runs.size(), 2u);
   EXPECT_LT(site.runs[1].largest_move_m, 5) << "from where its panoramas put it";
@@ -389,30 +382,10 @@ TEST(Site, WithoutAnyDatumIsRefused) {
 
 // Tag `id` left of body `at` of every run, as the images around it show it.
 WorldTag SeenTag(int id, int run, const Eigen::Vector3d& moved, Random* random) {
-  const Camera camera = TheCamera();
-  Eigen::Matrix3d facing;  // x right, y down, z into the tag, seen from the run
-  facing << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-  Rigid3d world_from_tag = Truth(0, id) * Rigid3d(Eigen::Quaterniond(facing), Eigen::Vector3d(0, 5, 0.5));
+  Rigid3d world_from_tag = Truth(0, id) * Rigid3d(FacingTheRun(), Eigen::Vector3d(0, 5, 0.5));
   world_from_tag.translation += moved;
-  WorldTag tag;
-  tag.id = id;
-  const double h = 0.5 * kTagSize_m;
-  tag.corners = {Eigen::Vector3d(-h, h, 0), Eigen::Vector3d(h, h, 0), Eigen::Vector3d(h, -h, 0),
-                 Eigen::Vector3d(-h, -h, 0)};
-  for (int i = std::max(0, id - 2); i <= std::min(kPoses - 1, id + 2); ++i) {
-    TagSighting s;
-    s.image = i;
-    for (size_t k = 0; k < 4; ++k) {
-      const Eigen::Vector3d p = CamFromBody() * (Truth(run, i).Inverse() * (world_from_tag * tag.corners[k]));
-      const Eigen::Vector2d pixel =
-          *camera.Project(p) + kTagPixel_px * Eigen::Vector2d(random->Normal(), random->Normal());
-      s.rays[k] = *camera.Unproject(pixel);
-      s.w[k] = camera.BearingSqrtInfo(pixel, kTagPixel_px);
-    }
-    tag.sightings.push_back(s);
-  }
-  tag.body_from_tag = Truth(run, tag.sightings.front().image).Inverse() * world_from_tag;
-  return tag;
+  const auto truth = [&](int i) { return Truth(run, i); };
+  return SightedTag(id, world_from_tag, id, kPoses, kTagPixel_px, truth, random);
 }
 
 // Control on tags holds all runs; a tag that was moved between two runs does not.
@@ -461,11 +434,7 @@ TEST(Site, RunIsPlacedByTagsOfTheMapThatItAloneShows) {
   Random random(11);
   const World w = MakeWorld(&random);
   std::vector<SiteRun> runs = {RunWithTagsAlone(1, w, {6, 12, 18}, &random), MakeRun(0, w, &random)};
-  Solution& alone = runs[0].solution;
-  alone.georeference.reset();
-  const Rigid3d far(Eigen::Quaterniond::Identity(), Eigen::Vector3d(1000, 0, 0));  // its frame begins anywhere
-  for (Rigid3d& pose : alone.problem.poses) pose = pose * far.Inverse();
-  for (Eigen::Vector3d& point : alone.problem.points) point = far * point;
+  LoseGeoreference(&runs[0].solution);
   WorldEvidence evidence;
   for (const WorldTag& seen : runs[0].tags) {
     WorldTag& tag = evidence.tags.emplace_back();

@@ -9,25 +9,21 @@
 #include "calib/camera/camera.h"
 #include "calib/estimation/loss.h"
 #include "calib/estimation/random.h"
+#include "tests/localize/world_tags.h"
 
 namespace trigpoint {
 namespace {
 
+using test::CamFromBody;
+using test::FacingTheRun;
+using test::Normal3;
+using test::OdometryFactor;
+using test::SightedTag;
+
 constexpr int kPoses = 40;
-constexpr double kStep_m = 1, kPixel_px = 0.3, kTagSize_m = 0.5;
+constexpr double kStep_m = 1, kPixel_px = 0.3;
 constexpr double kStepSigma_m = 0.02, kTurnSigma_rad = 0.002, kScaleSigma = 0.01;
 constexpr double kCommon_m = 0.05, kOwn_m = 0.004, kOwn_rad = 0.01;  // errors of the map: its datum's, a tag's
-
-Eigen::Vector3d Normal3(Random* random, double sigma) {
-  return {sigma * random->Normal(), sigma * random->Normal(), sigma * random->Normal()};
-}
-
-// x forward, y left, z up seen by a camera that looks to the left.
-Rigid3d CamFromBody() {
-  Eigen::Matrix3d r;
-  r << 1, 0, 0, 0, 0, -1, 0, 1, 0;
-  return {Eigen::Quaterniond(r), Eigen::Vector3d(0.1, 0.2, 0)};
-}
 
 // A run along a bend past tags, with everything that is measured drawn anew.
 struct Drive {
@@ -58,14 +54,7 @@ void AddOdometry(Random* random, Drive* drive) {
       step.rotation = ExpSO3(Normal3(random, kTurnSigma_rad)) * step.rotation;
       step.translation = step.translation / scale + Normal3(random, kStepSigma_m);
       odom_from_body = odom_from_body * step;
-      PoseFactor f;
-      f.kind = PoseFactor::Kind::kBetween;
-      f.a = i - 1, f.b = i;
-      f.scale = 0;
-      f.measured = step;
-      f.sqrt_info.diagonal() << Eigen::Vector3d::Constant(1 / kTurnSigma_rad),
-          Eigen::Vector3d::Constant(1 / kStepSigma_m);
-      drive->problem.factors.push_back(f);
+      drive->problem.factors.push_back(OdometryFactor(i, step, kTurnSigma_rad, kStepSigma_m));
     }
     drive->problem.poses.push_back(odom_from_body.Inverse());
     drive->problem.pose_constant.push_back(i == 0);
@@ -76,28 +65,8 @@ void AddOdometry(Random* random, Drive* drive) {
 
 // Tag `id` left of pose `at`, as the images around it show it.
 WorldTag SeenTag(int id, int at, Random* random) {
-  const Camera camera = Camera::FromFieldOfView(900, 700, 1.5);
-  Eigen::Matrix3d facing;  // x right, y down, z into the tag, seen from the run
-  facing << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-  const Rigid3d world_from_tag = Truth(at) * Rigid3d(Eigen::Quaterniond(facing), Eigen::Vector3d(0, 4, 0.5));
-  WorldTag tag;
-  tag.id = id;
-  const double h = 0.5 * kTagSize_m;
-  tag.corners = {Eigen::Vector3d(-h, h, 0), Eigen::Vector3d(h, h, 0), Eigen::Vector3d(h, -h, 0),
-                 Eigen::Vector3d(-h, -h, 0)};
-  for (int i = std::max(0, at - 2); i <= std::min(kPoses - 1, at + 2); ++i) {
-    TagSighting s;
-    s.image = i;
-    for (size_t k = 0; k < 4; ++k) {
-      const Eigen::Vector3d p = CamFromBody() * (Truth(i).Inverse() * (world_from_tag * tag.corners[k]));
-      const Eigen::Vector2d pixel =
-          *camera.Project(p) + kPixel_px * Eigen::Vector2d(random->Normal(), random->Normal());
-      s.rays[k] = *camera.Unproject(pixel);
-      s.w[k] = camera.BearingSqrtInfo(pixel, kPixel_px);
-    }
-    tag.sightings.push_back(s);
-  }
-  tag.body_from_tag = Truth(tag.sightings.front().image).Inverse() * world_from_tag;
+  const Rigid3d world_from_tag = Truth(at) * Rigid3d(FacingTheRun(), Eigen::Vector3d(0, 4, 0.5));
+  WorldTag tag = SightedTag(id, world_from_tag, at, kPoses, kPixel_px, Truth, random);
   tag.world_from_tag = world_from_tag;
   return tag;
 }

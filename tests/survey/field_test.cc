@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "survey/field/advice.h"
 #include "survey/field/findings.h"
@@ -92,6 +93,15 @@ SurveyInput Recorded(const NetworkLayout& layout) {
   return SimulateSurvey(layout, Options(), 1, &noise);
 }
 
+// The yard, with no picture that shows these tags.
+SurveyInput RecordedWithout(const std::set<int>& tags) {
+  SurveyInput input = Recorded(Yard());
+  for (ImageDetections& image : input.runs[0].images) {
+    std::erase_if(image.detections, [&](const TagDetection& d) { return tags.contains(d.id); });
+  }
+  return input;
+}
+
 // The findings that ask for something.
 std::vector<std::string> Wrong(const FieldFacts& facts) {
   std::vector<std::string> texts;
@@ -109,10 +119,7 @@ TEST(Field, NothingIsWrongWithACompleteSite) {
 }
 
 TEST(Field, ATagInNoPictureIsNamedAndComesFirst) {
-  SurveyInput input = Recorded(Yard());
-  for (ImageDetections& image : input.runs[0].images) {
-    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 5; });
-  }
+  const SurveyInput input = RecordedWithout({5});
   const auto scene = SceneOf(input, Yard());
   EXPECT_THAT(Wrong(scene->facts), testing::ElementsAre(HasSubstr("tag 5 (station S5) is planned and in no picture")));
   const std::vector<Advice> advice = WhatNext(scene->facts, Options(), 3, 1, 1, CancelToken());
@@ -127,10 +134,7 @@ TEST(Field, LengthsAreInTheUnitAskedFor) {
                           Length{5} + ", at most " + Length{0.02, -1};
   EXPECT_EQ(text.In(), "tag 5 is 0.305 m off, from 3 to 5 m, at most 0.02 m");
   EXPECT_EQ(text.In("ft", kFoot), "tag 5 is 1.000 ft off, from 10 to 16 ft, at most 0.06562 ft");
-  SurveyInput input = Recorded(Yard());
-  for (ImageDetections& image : input.runs[0].images) {
-    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 5; });
-  }
+  const SurveyInput input = RecordedWithout({5});
   const auto scene = SceneOf(input, Yard());
   std::string metres, feet;
   for (const auto& find : {FindInPictures, FindInMap}) {
@@ -146,10 +150,7 @@ TEST(Field, LengthsAreInTheUnitAskedFor) {
 }
 
 TEST(Field, TagsInNoPictureShareOneLine) {
-  SurveyInput input = Recorded(Yard());
-  for (ImageDetections& image : input.runs[0].images) {
-    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 5 || d.id == 6; });
-  }
+  const SurveyInput input = RecordedWithout({5, 6});
   EXPECT_THAT(Wrong(SceneOf(input, Yard())->facts),
               testing::ElementsAre(HasSubstr("tags 5 (station S5), 6 (station S6) are planned and in no picture")));
 }
@@ -291,10 +292,7 @@ TEST(Field, PicturesOfACameraThatStandsStillOrOfTrafficAreNotTooFast) {
 
 // The panorama's geotag says where its station's tag is to be found.
 TEST(Field, ATagInNoPictureHasThePlaceOfItsStation) {
-  SurveyInput input = Recorded(Yard());
-  for (ImageDetections& image : input.runs[0].images) {
-    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 5; });
-  }
+  const SurveyInput input = RecordedWithout({5});
   const auto scene = SceneOf(input, Yard());
   scene->facts.prediction->in_world = true;
   const Eigen::Vector3d at = *scene->facts.planned[5].world_m;
@@ -315,11 +313,8 @@ TEST(Field, ATagInNoPictureHasThePlaceOfItsStation) {
 }
 
 TEST(Field, ControlThatNoPictureShowsIsNamed) {
-  SurveyInput input = Recorded(Yard());
+  SurveyInput input = RecordedWithout({4});
   ASSERT_EQ(input.points.size(), 3U);
-  for (ImageDetections& image : input.runs[0].images) {
-    std::erase_if(image.detections, [](const TagDetection& d) { return d.id == 4; });
-  }
   EXPECT_THAT(Wrong(SceneOf(input, Yard())->facts),
               testing::Contains(HasSubstr("of 3 control points hold the map, three are needed to fix it: no picture "
                                           "shows the tag of control point 4; photograph it")));

@@ -19,6 +19,7 @@
 #include "survey/panorama/rig_costs.h"
 #include "survey/panorama/rig_files.h"
 #include "survey/panorama/rig_report.h"
+#include "tests/support/temp_dir.h"
 #include "tests/survey/panorama_scene.h"
 
 namespace trigpoint {
@@ -521,14 +522,7 @@ TEST(RefineRig, TooFewPointsAreRefused) {
 
 class Folder : public testing::Test {
  protected:
-  void SetUp() override {
-    dir_ = std::filesystem::temp_directory_path() /
-           ("panorama_rig_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) +
-            std::to_string(::getpid()));
-    std::filesystem::create_directories(dir_);
-  }
-  void TearDown() override { std::filesystem::remove_all(dir_); }
-  std::filesystem::path dir_;
+  TempDir dir_;
 };
 
 using RigFilesTest = Folder;

@@ -6,7 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "datasets/project/project.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 #include "tests/survey/tags_rendering.h"
 
 namespace trigpoint {

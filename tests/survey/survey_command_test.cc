@@ -9,7 +9,8 @@
 #include "calib/estimation/random.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -27,8 +28,6 @@ Eigen::Vector3d TagPlace(int id) { return {1.0 * id, id % 2 == 0 ? 4.0 : 4.8, id
 class Wall {
  public:
   Wall() {
-    static int count = 0;
-    dir_ = fs::temp_directory_path() / ("trigpoint_survey_" + std::to_string(getpid()) + "_" + std::to_string(count++));
     Write("origin.json", R"({"lat": 48.0, "lon": 7.8, "alt": 200.0})");
     Write("trigpoint.yaml", "schema: 1\ncrs: EPSG:32632\n");
     Write("tags.yaml", "size_m: 0.5\n");
@@ -38,7 +37,6 @@ class Wall {
     Run("run1", 0, 1);
     Run("run2", -1, 2);
   }
-  ~Wall() { fs::remove_all(dir_); }
 
   // Every third tag is control; the check point of tag 4 is off by `error` upwards.
   void Control(double error) const {
@@ -95,7 +93,7 @@ class Wall {
   std::string dir() const { return dir_.string(); }
 
  private:
-  fs::path dir_;
+  TempDir dir_;
 };
 
 TEST(SurveyCommand, WritesControlCheckResidualsDistancesAndSessions) {

@@ -1,6 +1,5 @@
 #include "survey/tags/survey_costs.h"
 
-#include <ceres/gradient_checker.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <vector>
 
 #include "calib/estimation/random.h"
+#include "tests/survey/gradients.h"
 
 namespace trigpoint {
 namespace {
@@ -39,16 +39,7 @@ void ExpectGradients(const ceres::CostFunction& cost, const std::vector<Rigid3d>
     manifolds.push_back(&manifold);
   }
   for (const std::vector<double>& block : numbers) parameters.push_back(block.data()), manifolds.push_back(nullptr);
-  const ceres::NumericDiffOptions options;
-  const ceres::GradientChecker checker(&cost, &manifolds, options);
-  ceres::GradientChecker::ProbeResults results;
-  checker.Probe(parameters.data(), 1e-6, &results);
-  ASSERT_TRUE(results.return_value);
-  // Against the size of the whole derivative: single entries may be zero.
-  for (size_t i = 0; i < parameters.size(); ++i) {
-    const auto &exact = results.local_jacobians[i], &numeric = results.local_numeric_jacobians[i];
-    EXPECT_LT((exact - numeric).norm(), 2e-6 * (1e-3 + exact.norm())) << results.error_log;
-  }
+  ExpectDerivatives(cost, manifolds, parameters);
 }
 
 TEST(SurveyCosts, GradientsAreRight) {

@@ -52,6 +52,16 @@ std::vector<TagDetection> TagsSeen(const std::vector<Rigid3d>& tags, const Rigid
   return detections;
 }
 
+// Body x along the circle, clockwise, so that its left (y) points outwards.
+Rigid3d WorldFromBody(int run, int i) {
+  const double a = (run == 0 ? 1 : 1.02) * 0.0785398 * i;
+  Eigen::Matrix3d r;
+  r.col(1) << std::cos(a), std::sin(a), 0;
+  r.col(2) << 0, 0, 1;
+  r.col(0) = r.col(1).cross(r.col(2));
+  return {Eigen::Quaterniond(r), {7 * std::cos(a), 7 * std::sin(a), 0.8 + 0.1 * std::sin(5 * a)}};
+}
+
 // The tags hang in three heights, `storey_m` apart.
 Yard MakeYard(uint64_t seed, double storey_m = 0.5) {
   Yard yard;
@@ -78,13 +88,7 @@ Yard MakeYard(uint64_t seed, double storey_m = 0.5) {
     survey.cameras.push_back(camera);
     Rigid3d odom_from_body, before;
     for (int i = 0; i < 80; ++i) {
-      const double a = (run == 0 ? 1 : 1.02) * 0.0785398 * i;
-      // Body x along the circle, clockwise, so that its left (y) points outwards.
-      Eigen::Matrix3d r;
-      r.col(1) << std::cos(a), std::sin(a), 0;
-      r.col(2) << 0, 0, 1;
-      r.col(0) = r.col(1).cross(r.col(2));
-      const Rigid3d body(Eigen::Quaterniond(r), {7 * std::cos(a), 7 * std::sin(a), 0.8 + 0.1 * std::sin(5 * a)});
+      const Rigid3d body = WorldFromBody(run, i);
       if (i > 0) {
         Rigid3d step = before.Inverse() * body;
         const double root = std::sqrt(step.translation.norm());
@@ -254,14 +258,8 @@ TEST(TagMap, HeadingDriftIsEstimatedWithTheScale) {
 
 // The pictures of tag `id` in a run show it at `world_from_tag` instead.
 void Show(Yard* yard, size_t run, int id, const Rigid3d& world_from_tag, size_t first_image, size_t last_image) {
-  // Where the bodies were: as MakeYard drove them.
   for (size_t i = first_image; i < last_image; ++i) {
-    const double a = (run == 0 ? 1 : 1.02) * 0.0785398 * static_cast<double>(i);
-    Eigen::Matrix3d r;
-    r.col(1) << std::cos(a), std::sin(a), 0;
-    r.col(2) << 0, 0, 1;
-    r.col(0) = r.col(1).cross(r.col(2));
-    const Rigid3d body(Eigen::Quaterniond(r), {7 * std::cos(a), 7 * std::sin(a), 0.8 + 0.1 * std::sin(5 * a)});
+    const Rigid3d body = WorldFromBody(static_cast<int>(run), static_cast<int>(i));
     const Rigid3d cam_from_world = yard->input.runs[run].cameras[0].cam_from_body * body.Inverse();
     std::vector<TagDetection>& detections = yard->input.runs[run].images[i].detections;
     std::erase_if(detections, [&](const TagDetection& d) { return d.id == id; });

@@ -11,6 +11,7 @@
 #include "survey/tags/tag_files.h"
 #include "survey/tags/tag_poses.h"
 #include "survey/tags/tag_shape.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -273,11 +274,11 @@ TEST(TagFiles, DetectionsReadBack) {
   images[0] = {
       1000500000000, "images/a b.jpg", "cam0", {Observe(kCamera, Rigid3d(kNoTurn, {0, 0, 3}), 0.5, 3, 0.1, &random)}};
   images[1] = {1001000000000, "images/b,c.jpg", "cam1", images[0].detections};
-  const std::filesystem::path file = std::filesystem::temp_directory_path() / "trigpoint_detections_test.csv";
+  const TempDir dir;
+  const std::filesystem::path file = dir / "detections.csv";
   WriteDetections(file, images);
   std::vector<std::string> warnings;
   const std::vector<ImageDetections> back = ReadDetections(file, 0.5, &warnings);
-  std::filesystem::remove(file);
   EXPECT_TRUE(warnings.empty());
   ASSERT_EQ(back.size(), 2U);
   for (size_t i = 0; i < 2; ++i) {
@@ -297,10 +298,10 @@ TEST(TagFiles, SizesAreWrittenAsFineAsPositions) {
   TagEstimate tag;
   tag.tag_id = 3;
   tag.size_m = 1.25 * 0.0254;
-  const std::filesystem::path file = std::filesystem::temp_directory_path() / "trigpoint_tags_test.csv";
+  const TempDir dir;
+  const std::filesystem::path file = dir / "tags.csv";
   WriteTags(file, {tag}, "enu", "control");
   const CsvTable table = CsvTable::Read(file, {"tag_id", "size_m"});
-  std::filesystem::remove(file);
   ASSERT_EQ(table.rows().size(), 1U);
   EXPECT_NEAR(table.rows()[0].Number("size_m"), tag.size_m, 5.1e-7);
 }

@@ -22,13 +22,10 @@ namespace {
 // RFC 9111, as far as it limits a private cache.
 std::optional<int64_t> MaxAgeOf(const std::string& cache_control) {
   std::optional<int64_t> age;
-  for (size_t begin = 0; begin <= cache_control.size();) {
-    const size_t end = std::min(cache_control.find(',', begin), cache_control.size());
-    const std::string_view part = Trim(std::string_view(cache_control).substr(begin, end - begin));
+  for (const std::string_view part : SplitAt(cache_control, ',')) {
     constexpr std::string_view kMaxAge = "max-age=";
     if (part == "no-store") return 0;
     if (part.starts_with(kMaxAge)) age = ParseInt(part.substr(kMaxAge.size()));
-    begin = end + 1;
   }
   return age;
 }

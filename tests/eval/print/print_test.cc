@@ -23,8 +23,8 @@
 #include "eval/print/text_fit.h"
 #include "survey/tags/detection.h"
 #include "survey/tags/tag_family.h"
-#include "tests/datasets/project_folder.h"
-#include "tests/e2e/program.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -34,27 +34,6 @@ using testing::HasSubstr;
 
 constexpr double kDpi = 150, kMmPerInch = 25.4;
 constexpr double kTolerance_mm = 0.05;
-
-// An empty folder that is removed with the object.
-class Folder {
- public:
-  Folder() {
-    static int count = 0;
-    dir_ = fs::temp_directory_path() / ("trigpoint_print_" + std::to_string(getpid()) + "_" + std::to_string(count++));
-    fs::create_directories(dir_);
-  }
-  ~Folder() {
-    std::error_code ignored;
-    fs::remove_all(dir_, ignored);
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  fs::path operator/(const std::string& name) const { return dir_ / name; }
-  std::string text() const { return dir_.string(); }
-
- private:
-  fs::path dir_;
-};
 
 // Pages at `dpi`, each pixel the mean of `samples` x `samples` of the renderer's: at one sample it places edges in
 // steps of a quarter of a pixel, 0.04 mm at 150 dpi.
@@ -162,7 +141,7 @@ double ExpectReadBack(const Photo& photo, const std::string& family, const Print
 }
 
 TEST(Print, TagsOfEveryFamilyAreReadBack) {
-  const Folder folder;
+  const TempDir folder;
   for (const std::string& family : TagFamilyNames()) {
     const int last = TagFamily(family).size() - 1;
     std::vector<Artwork> artworks;
@@ -195,7 +174,7 @@ double ExpectAllReadBack(const std::vector<Artwork>& artworks, const std::string
 }
 
 TEST(Print, TagsAreReadBackFromEveryPaper) {
-  const Folder folder;
+  const TempDir folder;
   for (const auto& [paper, size_mm] : std::vector<std::pair<std::string, double>>{
            {"A3", 200}, {"A4", 160}, {"A5", 90}, {"A6", 65}, {"Letter", 160}, {"130x240", 75}, {"62x100", 30}}) {
     SheetOptions options;
@@ -207,7 +186,7 @@ TEST(Print, TagsAreReadBackFromEveryPaper) {
 }
 
 TEST(Print, SmallTagsOfSeveralFamiliesAreReadBack) {
-  const Folder folder;
+  const TempDir folder;
   for (const auto& [family, size_mm] : std::vector<std::pair<std::string, double>>{
            {"tag36h11", 8}, {"tag36h11", 20}, {"tag25h9", 10}, {"tag16h5", 10}, {"tagStandard41h12", 8}}) {
     std::vector<Artwork> artworks;
@@ -218,7 +197,7 @@ TEST(Print, SmallTagsOfSeveralFamiliesAreReadBack) {
 }
 
 TEST(Print, ManySmallTagsShareASheet) {
-  const Folder folder;
+  const TempDir folder;
   std::vector<Artwork> artworks;
   for (int id = 0; id < 36; ++id) artworks.push_back(TagArtwork("tag36h11", id, 30));
   SheetOptions options;
@@ -233,7 +212,7 @@ TEST(Print, ManySmallTagsShareASheet) {
 }
 
 TEST(Print, QuietZoneStaysWhite) {
-  const Folder folder;
+  const TempDir folder;
   for (const std::string& family : TagFamilyNames()) {
     const PrintedSheets sheets = WriteSheets({TagArtwork(family, 1, 50)}, {}, {}, folder / (family + ".pdf"));
     const cv::Mat page = Rendered(folder / (family + ".pdf")).front();
@@ -311,7 +290,7 @@ std::vector<Word> WordsOf(const fs::path& pdf) {
 }
 
 TEST(Print, ALargeTagIsOneAgainWhenItsSheetsAreCutAndJoined) {
-  const Folder folder;
+  const TempDir folder;
   const double cut = 16;  // a margin of 8 and 8 for crop marks
   for (const auto& [paper, size, dpi] : std::vector<std::tuple<std::string, double, double>>{
            {"A4", 400, kDpi}, {"A3", 600, kDpi / 2}, {"A6", 150, kDpi}}) {
@@ -362,7 +341,7 @@ TEST(Print, ALargeTagIsOneAgainWhenItsSheetsAreCutAndJoined) {
 
 // A scale bar and a board that are larger than the paper.
 TEST(Print, AScaleBarIsOneAgainWhenItsSheetsAreJoined) {
-  const Folder folder;
+  const TempDir folder;
   const Artwork artwork = ScaleBarArtwork("tag36h11", 30, 31, 60, 500);
   const PrintedSheets sheets = WriteSheets({artwork}, {}, {}, folder / "bar.pdf");
   const double cut = 16;
@@ -380,7 +359,7 @@ TEST(Print, AScaleBarIsOneAgainWhenItsSheetsAreJoined) {
 }
 
 TEST(Print, BoardsAreReadBack) {
-  const Folder folder;
+  const TempDir folder;
   Target checkerboard{TargetKind::kCheckerboard, 8, 6, 0.019, 0.019};
   Target charuco{TargetKind::kCharuco, 8, 6, 0.021, 0.021, 0.0125};
   Target grid{TargetKind::kAprilGrid, 5, 4, 0.026, 0.026, 0, 0.3};
@@ -433,7 +412,7 @@ TEST(Print, BoardsAreReadBack) {
 }
 
 TEST(Print, AScaleBarHasItsLength) {
-  const Folder folder;
+  const TempDir folder;
   SheetOptions options;
   options.paper = PaperNamed("A3");
   const PrintedSheets sheets =
@@ -467,7 +446,7 @@ double StrokeAt(const cv::Mat& page, double dpi, double x_mm, double y_mm, bool 
 }
 
 TEST(Print, MeasuringBarsHaveTheirLength) {
-  const Folder folder;
+  const TempDir folder;
   for (const char* paper : {"A3", "A4", "A5", "A6", "Letter"}) {
     SheetOptions options;
     options.paper = PaperNamed(paper);
@@ -529,7 +508,7 @@ void ExpectTextFits(const fs::path& pdf, const PrintedSheets& sheets, double mar
 }
 
 TEST(Print, TextFitsOnEveryPaper) {
-  const Folder folder;
+  const TempDir folder;
   const std::string family = "tag36h11";
   for (const char* paper : {"A3", "A4", "A5", "A6", "Letter", "62x100", "100x62"}) {
     for (const double size : {5.0, 8.0, 20.0, 27.0, 65.0, 160.0}) {
@@ -551,7 +530,7 @@ TEST(Print, TextFitsOnEveryPaper) {
 }
 
 TEST(Print, TextOfCutPiecesFits) {
-  const Folder folder;
+  const TempDir folder;
   Target board{TargetKind::kCharuco, 8, 6, 0.03, 0.03, 0.022};
   for (const char* paper : {"A4", "A5", "A6", "90x130"}) {
     for (const Artwork& artwork : {TagArtwork("tag36h11", 377, 250), BoardArtwork(board)}) {
@@ -573,7 +552,7 @@ TEST(Print, TextOfCutPiecesFits) {
 }
 
 TEST(Print, WhatDoesNotFitNamesPaperThatDoes) {
-  const Folder folder;
+  const TempDir folder;
   SheetOptions options;
   EXPECT_THAT(
       MessageOf<OptionError>([&] { WriteSheets({TagArtwork("tag36h11", 7, 5000)}, {}, options, folder / "x.pdf"); }),
@@ -624,7 +603,7 @@ TEST(Print, PaperSizes) {
 }
 
 TEST(TagsFile, EntriesAreAddedAndCommentsStay) {
-  const Folder folder;
+  const TempDir folder;
   const fs::path file = folder / "tags.yaml";
   const auto with = [&](const std::string& text, const std::map<int, double>& sizes,
                         const std::map<int, double>& expected = {}) {
@@ -654,8 +633,8 @@ TEST(TagsFile, EntriesAreAddedAndCommentsStay) {
 }
 
 TEST(PrintCommand, NotesWhatWasPrintedAndMeasured) {
-  const Folder folder;
-  const std::string dir = folder.text();
+  const TempDir folder;
+  const std::string dir = folder.string();
   const Finished printed = Trigpoint({"print", dir, "--ids", "0-2,9", "--size", "100", "--json"});
   ASSERT_EQ(printed.exit_code, 0) << printed.err;
   EXPECT_TRUE(fs::exists(printed.Json()["file"].get<std::string>()));
@@ -713,8 +692,8 @@ TEST(PrintCommand, NotesWhatWasPrintedAndMeasured) {
 }
 
 TEST(PrintCommand, ATagPrintedAgainKeepsItsEntryUntilItIsMeasured) {
-  const Folder folder;
-  const std::string dir = folder.text();
+  const TempDir folder;
+  const std::string dir = folder.string();
   ASSERT_EQ(Trigpoint({"print", dir, "--ids", "4,5", "--size", "100"}).exit_code, 0);
   ASSERT_EQ(Trigpoint({"print", dir, "--measured", "97", "--nominal", "100"}).exit_code, 0);
   const std::string measured = ReadTextFile(folder / "tags.yaml");
@@ -738,8 +717,8 @@ TEST(PrintCommand, ATagPrintedAgainKeepsItsEntryUntilItIsMeasured) {
 }
 
 TEST(PrintCommand, MessagesStateWhatWasExpected) {
-  const Folder folder;
-  const std::string dir = folder.text();
+  const TempDir folder;
+  const std::string dir = folder.string();
   const auto expect = [&](std::vector<std::string> arguments, int exit_code, const std::string& message) {
     arguments.insert(arguments.begin(), {"print", dir});
     const Finished finished = Trigpoint(arguments);

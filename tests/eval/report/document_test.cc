@@ -2,16 +2,14 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
-#include <fstream>
 #include <regex>
-#include <sstream>
 
 #include "calib/base/error.h"
 #include "eval/report/base64.h"
 #include "eval/report/charts.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {
@@ -35,13 +33,6 @@ Document Evil() {
   d.blocks.push_back(Figure{"f", kEvil, DotChart({kEvil, "b"}, {{kEvil, {{0, 1.0}, {1, 20.0}}}}, kEvil)});
   d.blocks.push_back(FoldEnd{});
   return d;
-}
-
-std::string Read(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
 }
 
 TEST(Base64, AgreesWithRfc4648) {
@@ -97,11 +88,7 @@ TEST(Csv, QuotesAndNamesItself) {
 
 class PdfTest : public ::testing::Test {
  protected:
-  PdfTest() : dir_(std::filesystem::temp_directory_path() / ("trigpoint_pdf_" + std::to_string(getpid()))) {
-    std::filesystem::create_directories(dir_);
-  }
-  ~PdfTest() override { std::filesystem::remove_all(dir_); }
-  std::filesystem::path dir_;
+  TempDir dir_;
 };
 
 TEST_F(PdfTest, IsRepeatableInBothSizes) {
@@ -122,8 +109,8 @@ TEST_F(PdfTest, IsRepeatableInBothSizes) {
   WritePdf(d, Paper::kA4, (dir_ / "a.pdf").string());
   WritePdf(d, Paper::kA4, (dir_ / "b.pdf").string());
   WritePdf(d, Paper::kLetter, (dir_ / "c.pdf").string());
-  const std::string a = Read(dir_ / "a.pdf");
-  EXPECT_EQ(a, Read(dir_ / "b.pdf"));
+  const std::string a = dir_.Read("a.pdf");
+  EXPECT_EQ(a, dir_.Read("b.pdf"));
   EXPECT_TRUE(a.starts_with("%PDF-"));
   EXPECT_THAT(a, HasSubstr("/MarkInfo << /Marked true >>"));
   // The last table of objects is where the end of the file says, and the catalogue where that table says.
@@ -132,7 +119,7 @@ TEST_F(PdfTest, IsRepeatableInBothSizes) {
   const size_t entry = a.find('\n', table + 5) + 1;
   EXPECT_THAT(a.substr(std::stoul(a.substr(entry, 10)), 60), HasSubstr("obj\n<< /Type /Catalog"));
   EXPECT_THAT(a, HasSubstr("595.2"));
-  EXPECT_THAT(Read(dir_ / "c.pdf"), HasSubstr("0 0 612 792"));
+  EXPECT_THAT(dir_.Read("c.pdf"), HasSubstr("0 0 612 792"));
 }
 
 // Whatever the order of figures, text and tables: what does not fit goes on, and no page stays half empty.
@@ -168,7 +155,7 @@ TEST_F(PdfTest, AnAppendixComesLast) {
               Paragraph{"All of it."},        AppendixEnd{},
               Heading{2, "Second", "second"}, Paragraph{"More."}};
   WritePdf(d, Paper::kA4, (dir_ / "p.pdf").string());
-  const std::string pdf = Read(dir_ / "p.pdf");
+  const std::string pdf = dir_.Read("p.pdf");
   const size_t first = pdf.find("(First)"), second = pdf.find("(Second)"), details = pdf.find("(Appendix: details)");
   ASSERT_NE(details, std::string::npos);
   EXPECT_LT(first, second);

@@ -9,7 +9,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "eval/scene/scene_model.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

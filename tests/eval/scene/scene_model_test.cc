@@ -8,8 +8,8 @@
 #include "datasets/io/trajectory.h"
 #include "eval/scene/offscreen.h"
 #include "eval/scene/scene_view.h"
-#include "tests/datasets/io_temp_dir.h"
 #include "tests/support/results_site.h"
+#include "tests/support/temp_dir.h"
 
 namespace trigpoint {
 namespace {

@@ -5,8 +5,8 @@
 
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
-#include "tests/datasets/project_folder.h"
 #include "tests/datasets/sample_solution.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {
