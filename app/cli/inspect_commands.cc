@@ -4,9 +4,7 @@
 #include <cmath>
 
 #include "app/cli/command.h"
-#include "app/pipeline/inspect.h"
-#include "app/pipeline/marking.h"
-#include "app/pipeline/reference_parts.h"
+#include "datasets/project/reference_parts.h"
 #include "datasets/io/kept_input.h"
 #include "datasets/io/text.h"
 #include "datasets/project/marking.h"

@@ -16,7 +16,6 @@
 #include "app/desktop/polled_progress.h"
 #include "app/desktop/widgets.h"
 #include "app/pipeline/check_project.h"
-#include "app/pipeline/check_watch.h"
 #include "calib/base/error.h"
 #include "eval/intake/watch.h"
 

@@ -21,7 +21,6 @@
 #include "app/desktop/scene_desk.h"
 #include "app/desktop/views_box.h"
 #include "app/desktop/widgets.h"
-#include "app/pipeline/reviewed.h"
 #include "eval/errors/changed_errors.h"
 #include "eval/errors/compare.h"
 #include "eval/release/compared.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/reference_parts.h"
+#include "datasets/project/reference_parts.h"
 #include "eval/inspect/run_inspector.h"
 
 namespace trigpoint {

@@ -46,7 +46,6 @@
 #include "app/desktop/station_card.h"
 #include "app/desktop/tables_desk.h"
 #include "app/desktop/widgets.h"
-#include "app/pipeline/demo_site.h"
 #include "datasets/project/demo_site.h"
 #include "datasets/project/project.h"
 

@@ -16,7 +16,6 @@
 #include "app/desktop/views_box.h"
 #include "app/desktop/widgets.h"
 #include "app/pipeline/jobs.h"
-#include "app/pipeline/reviewed.h"
 #include "eval/errors/changed_errors.h"
 #include "eval/text/method_name.h"
 

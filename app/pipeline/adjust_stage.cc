@@ -7,14 +7,9 @@
 #include <sstream>
 
 #include "app/pipeline/drawn_views.h"
-#include "app/pipeline/image_motion.h"
-#include "app/pipeline/localize_files.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "app/pipeline/reference_parts.h"
-#include "app/pipeline/set_localization.h"
-#include "app/pipeline/site_files.h"
+#include "localize/references/stitched_sets.h"
 #include "app/pipeline/stage_list.h"
-#include "app/pipeline/world_evidence.h"
 #include "calib/base/counted.h"
 #include "datasets/project/reference_parts.h"
 #include "datasets/solution/solution_covariance.h"

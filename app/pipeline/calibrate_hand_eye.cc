@@ -2,7 +2,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <fmt/format.h>
-#include "app/pipeline/rolling_tags.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "calib/base/error.h"

@@ -1,8 +1,8 @@
 #include "app/pipeline/check_project.h"
 
 #include "app/pipeline/gates_stage.h"
-#include "app/pipeline/plan_layout.h"
-#include "app/pipeline/reference_tags.h"
+#include "eval/plan/layout.h"
+#include "survey/input/reference_tags.h"
 #include "app/pipeline/stages.h"
 #include "app/pipeline/survey_input.h"
 

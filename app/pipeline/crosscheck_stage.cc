@@ -6,11 +6,11 @@
 #include <fmt/format.h>
 #include <map>
 #include <set>
-#include "app/pipeline/crosscheck_colmap.h"
-#include "app/pipeline/crosscheck_figures.h"
-#include "app/pipeline/crosscheck_panoramas.h"
+#include "eval/exchange/colmap_run.h"
+#include "eval/exchange/crosscheck_figures.h"
+#include "eval/exchange/crosscheck_panoramas.h"
 #include "app/pipeline/drawn_views.h"
-#include "app/pipeline/reference_parts.h"
+#include "datasets/project/reference_parts.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "eval/exchange/crosscheck.h"

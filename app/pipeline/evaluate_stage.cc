@@ -2,8 +2,7 @@
 #include <fmt/format.h>
 
 #include "app/pipeline/jobs.h"
-#include "app/pipeline/measured_offsets.h"
-#include "app/pipeline/rolling_tags.h"
+#include "eval/evidence/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/text.h"
 #include "eval/errors/evaluated_runs.h"

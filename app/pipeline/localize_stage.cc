@@ -4,13 +4,10 @@
 #include <set>
 
 #include "app/pipeline/drawn_views.h"
-#include "app/pipeline/image_motion.h"
-#include "app/pipeline/localize_files.h"
+#include "localize/files/job.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "app/pipeline/reference_parts.h"
-#include "app/pipeline/set_localization.h"
+#include "localize/references/stitched_sets.h"
 #include "app/pipeline/stage_list.h"
-#include "app/pipeline/world_evidence.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "datasets/io/capture_date.h"

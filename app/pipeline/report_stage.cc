@@ -5,7 +5,6 @@
 
 #include <algorithm>
 
-#include "app/pipeline/drawing_memory.h"
 #include "app/pipeline/drawn_views.h"
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/jobs.h"

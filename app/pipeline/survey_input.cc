@@ -6,10 +6,8 @@
 #include <utility>
 
 #include "app/pipeline/detect_stage.h"
-#include "app/pipeline/image_motion.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "app/pipeline/rolling_tags.h"
-#include "app/pipeline/set_localization.h"
+#include "localize/references/stitched_sets.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"

@@ -6,7 +6,7 @@
 
 #include "app/pipeline/detect_stage.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "app/pipeline/reference_parts.h"
+#include "datasets/project/reference_parts.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/survey_input.h"
 #include "datasets/io/text.h"

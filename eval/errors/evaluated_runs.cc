@@ -7,7 +7,7 @@
 #include <map>
 #include <optional>
 
-#include "app/pipeline/reviewed.h"
+#include "eval/errors/changed_errors.h"
 #include "calib/base/counted.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"

@@ -74,12 +74,6 @@ std::string FormatPaperTable(const PaperTable& paper, const TableOptions& option
   return FormatMarkdown(TableOf(paper), options) + "\n" + FormatStatistics("3D", s, options) + FormatShares(s);
 }
 
-std::string Join(const std::vector<std::string>& items) {
-  std::string text;
-  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
-  return text;
-}
-
 nlohmann::json Json(const std::vector<CumulativePoint>& curve) {
   nlohmann::json points = nlohmann::json::array();
   for (const CumulativePoint& p : curve) {

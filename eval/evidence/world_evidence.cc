@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <sstream>
 
-#include "app/pipeline/reviewed.h"
-#include "app/pipeline/rolling_tags.h"
+#include "eval/errors/changed_errors.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
 #include "eval/errors/reference_maps.h"

@@ -5,8 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "app/pipeline/localize_files.h"
-#include "app/pipeline/stages.h"
 #include "datasets/project/stage.h"
 #include "eval/errors/evaluate.h"
 #include "localize/files/job.h"

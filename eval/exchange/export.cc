@@ -8,7 +8,7 @@
 #include <map>
 #include <set>
 
-#include "app/pipeline/image_motion.h"
+#include "localize/reconstruct/image_motion.h"
 #include "calib/base/counted.h"
 #include "datasets/export/crs.h"
 #include "datasets/export/gpano.h"

@@ -8,9 +8,6 @@
 #include <map>
 #include <set>
 
-#include "app/pipeline/command_line.h"
-#include "app/pipeline/drawn_views.h"
-#include "app/pipeline/stages.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/image.h"
 #include "datasets/io/rig_file.h"

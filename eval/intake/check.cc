@@ -5,11 +5,8 @@
 #include <algorithm>
 #include <set>
 
-#include "app/pipeline/detect_stage.h"
-#include "app/pipeline/gates_stage.h"
-#include "app/pipeline/plan_report.h"
-#include "app/pipeline/reference_tags.h"
-#include "app/pipeline/stages.h"
+#include "eval/plan/findings.h"
+#include "survey/input/reference_tags.h"
 #include "calib/base/error.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"

@@ -10,9 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include "app/pipeline/check_intake.h"
-#include "app/pipeline/check_pairs.h"
-#include "app/pipeline/survey_input.h"
 #include "datasets/project/forked.h"
 #include "datasets/project/project.h"
 #include "datasets/project/stage.h"

@@ -4,7 +4,7 @@
 #include <set>
 #include <tuple>
 
-#include "app/pipeline/plan_layout.h"
+#include "eval/plan/layout.h"
 #include "calib/base/error.h"
 #include "datasets/io/camchain.h"
 #include "eval/intake/check.h"

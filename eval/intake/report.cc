@@ -5,7 +5,7 @@
 #include <limits>
 #include <set>
 
-#include "app/pipeline/plan_report.h"
+#include "eval/plan/findings.h"
 #include "calib/base/counted.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"

@@ -5,8 +5,7 @@
 #include <numbers>
 #include <opencv2/core.hpp>
 
-#include "app/pipeline/detect_apart.h"
-#include "app/pipeline/reference_parts.h"
+#include "datasets/project/reference_parts.h"
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"

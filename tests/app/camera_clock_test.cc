@@ -4,8 +4,7 @@
 #include <cmath>
 
 #include "app/pipeline/calibrate_hand_eye.h"
-#include "app/pipeline/localize_files.h"
-#include "app/pipeline/tag_views.h"
+#include "localize/files/job.h"
 #include "eval/evidence/tag_views.h"
 #include "localize/files/tables.h"
 #include "survey/tags/hand_eye_sights.h"

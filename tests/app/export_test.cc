@@ -13,7 +13,6 @@
 #include "eval/exchange/layers.h"
 #include "localize/files/tables.h"
 #include "localize/site/tables.h"
-#include "tests/datasets/project_folder.h"
 #include "tests/datasets/sample_solution.h"
 #include "tests/support/project_folder.h"
 

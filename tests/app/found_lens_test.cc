@@ -5,7 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "app/pipeline/survey_input.h"
-#include "tests/datasets/project_folder.h"
+#include "tests/support/project_folder.h"
 
 namespace trigpoint {
 namespace {

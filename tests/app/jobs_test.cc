@@ -4,7 +4,6 @@
 
 #include "app/pipeline/single_job.h"
 #include "datasets/project/reference_parts.h"
-#include "tests/datasets/project_folder.h"
 #include "tests/support/project_folder.h"
 
 namespace trigpoint {

@@ -6,7 +6,6 @@
 #include <algorithm>
 
 #include "datasets/io/gps.h"
-#include "tests/datasets/io_temp_dir.h"
 #include "tests/support/project_folder.h"
 #include "tests/support/temp_dir.h"
 
