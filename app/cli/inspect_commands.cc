@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "app/cli/command.h"
-#include "datasets/project/reference_parts.h"
 #include "datasets/io/kept_input.h"
 #include "datasets/io/text.h"
 #include "datasets/project/marking.h"
+#include "datasets/project/reference_parts.h"
 #include "eval/inspect/run_inspector.h"
 #include "eval/truth/marked_point.h"
 

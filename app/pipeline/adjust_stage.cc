@@ -8,7 +8,6 @@
 
 #include "app/pipeline/drawn_views.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "localize/references/stitched_sets.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/counted.h"
 #include "datasets/project/reference_parts.h"
@@ -18,6 +17,7 @@
 #include "localize/files/job.h"
 #include "localize/reconstruct/image_motion.h"
 #include "localize/reconstruct/kept_features.h"
+#include "localize/references/stitched_sets.h"
 #include "localize/site/adjust_site.h"
 #include "localize/site/tables.h"
 

@@ -1,7 +1,9 @@
 #include "app/pipeline/calibrate_hand_eye.h"
 
-#include <Eigen/Eigenvalues>
 #include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"
 #include "calib/base/error.h"

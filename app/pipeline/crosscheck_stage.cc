@@ -1,19 +1,21 @@
 // crosscheck: COLMAP on the same run, and anybody's models and trajectories of it, held against ours.
 #include "app/pipeline/crosscheck_stage.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <fmt/format.h>
 #include <map>
 #include <set>
-#include "eval/exchange/colmap_run.h"
-#include "eval/exchange/crosscheck_figures.h"
-#include "eval/exchange/crosscheck_panoramas.h"
+
 #include "app/pipeline/drawn_views.h"
-#include "datasets/project/reference_parts.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
+#include "datasets/project/reference_parts.h"
+#include "eval/exchange/colmap_run.h"
 #include "eval/exchange/crosscheck.h"
+#include "eval/exchange/crosscheck_figures.h"
+#include "eval/exchange/crosscheck_panoramas.h"
 
 namespace trigpoint {
 

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include "app/pipeline/jobs.h"
-#include "eval/evidence/rolling_tags.h"
 #include "app/pipeline/stage_list.h"
 #include "datasets/io/text.h"
 #include "eval/errors/evaluated_runs.h"
@@ -10,6 +9,7 @@
 #include "eval/errors/measured_offsets.h"
 #include "eval/errors/reference_maps.h"
 #include "eval/errors/rotation_errors.h"
+#include "eval/evidence/rolling_tags.h"
 #include "eval/gates/limits.h"
 #include "eval/trajectory/score_estimates.h"
 #include "eval/truth/score_truth.h"

@@ -1,11 +1,13 @@
 #include "app/pipeline/export.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <fmt/format.h>
 #include <map>
 #include <set>
+
 #include "app/pipeline/command_line.h"
 #include "app/pipeline/stages.h"
 #include "calib/base/counted.h"

@@ -4,9 +4,7 @@
 #include <set>
 
 #include "app/pipeline/drawn_views.h"
-#include "localize/files/job.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "localize/references/stitched_sets.h"
 #include "app/pipeline/stage_list.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
@@ -19,10 +17,12 @@
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
 #include "eval/evidence/world_evidence.h"
+#include "localize/files/job.h"
 #include "localize/files/localization_notes.h"
 #include "localize/files/tables.h"
 #include "localize/reconstruct/image_motion.h"
 #include "localize/reconstruct/kept_features.h"
+#include "localize/references/stitched_sets.h"
 #include "localize/run_solution.h"
 
 namespace trigpoint {

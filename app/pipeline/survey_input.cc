@@ -7,7 +7,6 @@
 
 #include "app/pipeline/detect_stage.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "localize/references/stitched_sets.h"
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
@@ -20,6 +19,7 @@
 #include "datasets/project/marking.h"
 #include "eval/evidence/rolling_tags.h"
 #include "localize/reconstruct/image_motion.h"
+#include "localize/references/stitched_sets.h"
 #include "survey/input/control.h"
 #include "survey/input/photo_sets.h"
 #include "survey/input/satellites.h"

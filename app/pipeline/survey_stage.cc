@@ -6,11 +6,11 @@
 
 #include "app/pipeline/detect_stage.h"
 #include "app/pipeline/reconstruct_stage.h"
-#include "datasets/project/reference_parts.h"
 #include "app/pipeline/stage_list.h"
 #include "app/pipeline/survey_input.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
+#include "datasets/project/reference_parts.h"
 #include "eval/survey/report.h"
 #include "eval/survey/summary.h"
 #include "eval/survey/tables.h"

@@ -14,9 +14,9 @@ namespace trigpoint {
 
 // Without surrounding spaces, tabs and line ends.
 std::string_view Trim(std::string_view text);
-std::string LowerCase(std::string text);                           // of ASCII letters
-std::string LowerExtension(const std::filesystem::path& file);     // ".jpg"
-std::vector<std::string_view> SplitFields(std::string_view text);  // at runs of spaces and tabs
+std::string LowerCase(std::string text);                                       // of ASCII letters
+std::string LowerExtension(const std::filesystem::path& file);                 // ".jpg"
+std::vector<std::string_view> SplitFields(std::string_view text);              // at runs of spaces and tabs
 std::vector<std::string_view> SplitAt(std::string_view text, char separator);  // trimmed; what is empty, too
 
 // A whole field as a number, dot decimal whatever the locale says; nothing if anything else stands there.

@@ -7,12 +7,12 @@
 #include <map>
 #include <optional>
 
-#include "eval/errors/changed_errors.h"
 #include "calib/base/counted.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
+#include "eval/errors/changed_errors.h"
 #include "eval/evidence/rolling_tags.h"
 #include "eval/evidence/tag_views.h"
 #include "survey/tags/tag_files.h"

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <sstream>
 
-#include "eval/errors/changed_errors.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
+#include "eval/errors/changed_errors.h"
 #include "eval/errors/reference_maps.h"
 #include "eval/evidence/rolling_tags.h"
 #include "survey/tags/excluded_detections.h"

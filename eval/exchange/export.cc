@@ -8,7 +8,6 @@
 #include <map>
 #include <set>
 
-#include "localize/reconstruct/image_motion.h"
 #include "calib/base/counted.h"
 #include "datasets/export/crs.h"
 #include "datasets/export/gpano.h"
@@ -26,6 +25,7 @@
 #include "eval/errors/results.h"
 #include "eval/exchange/layers.h"
 #include "eval/exchange/scene.h"
+#include "localize/reconstruct/image_motion.h"
 
 namespace trigpoint {
 namespace {

@@ -5,16 +5,16 @@
 #include <algorithm>
 #include <set>
 
-#include "eval/plan/findings.h"
-#include "survey/input/reference_tags.h"
 #include "calib/base/error.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/photo_sets.h"
 #include "datasets/io/site_sketch.h"
 #include "datasets/project/options_json.h"
+#include "eval/plan/findings.h"
 #include "localize/reconstruct/odometry_unit.h"
 #include "localize/reconstruct/self_calibration.h"
+#include "survey/input/reference_tags.h"
 #include "survey/tags/tag_files.h"
 
 namespace trigpoint {

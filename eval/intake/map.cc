@@ -4,10 +4,10 @@
 #include <set>
 #include <tuple>
 
-#include "eval/plan/layout.h"
 #include "calib/base/error.h"
 #include "datasets/io/camchain.h"
 #include "eval/intake/check.h"
+#include "eval/plan/layout.h"
 
 namespace trigpoint {
 namespace {

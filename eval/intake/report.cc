@@ -5,12 +5,12 @@
 #include <limits>
 #include <set>
 
-#include "eval/plan/findings.h"
 #include "calib/base/counted.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
 #include "datasets/project/files.h"
 #include "eval/intake/check.h"
+#include "eval/plan/findings.h"
 #include "eval/report/document.h"
 #include "survey/tags/map_start.h"
 

@@ -5,12 +5,12 @@
 #include <numbers>
 #include <opencv2/core.hpp>
 
-#include "datasets/project/reference_parts.h"
 #include "calib/base/error.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 #include "datasets/io/rig_file.h"
 #include "datasets/io/views.h"
+#include "datasets/project/reference_parts.h"
 #include "survey/panorama/rig_files.h"
 #include "survey/tags/detect_apart.h"
 #include "survey/tags/tag_finder.h"

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "app/pipeline/calibrate_hand_eye.h"
-#include "localize/files/job.h"
 #include "eval/evidence/tag_views.h"
+#include "localize/files/job.h"
 #include "localize/files/tables.h"
 #include "survey/tags/hand_eye_sights.h"
 
