@@ -22,7 +22,7 @@ constexpr int kLook_ms = 100;  // between two looks at how far it is
 
 ActionDialog::ActionDialog(Workspace* workspace, Action action, QWidget* parent)
     : QDialog(parent), workspace_(workspace), action_(std::move(action)) {
-  setObjectName("action." + QString::fromStdString(action_.command));
+  setObjectName("action." + Text(action_.command));
   setWindowTitle(action_.title);
   setAttribute(Qt::WA_DeleteOnClose);
   auto* intro = new QLabel(action_.intro);
@@ -69,7 +69,7 @@ nlohmann::json ActionDialog::Values() const {
       values[option.name] = option.default_value;
     }
     if (option.path == PathKind::kNone || !values.contains(option.name)) continue;
-    const QString path = QString::fromStdString(values[option.name].get<std::string>());
+    const QString path = Text(values[option.name].get<std::string>());
     if (path.startsWith("gpg:")) continue;  // the name of a key
     values[option.name] = AbsolutePath(workspace_->dir(), path).toStdString();
   }
@@ -80,10 +80,10 @@ void ActionDialog::ShowCommand() {
   std::string line = "trigpoint " + action_.command + " " + ShellWord(workspace_->dir().toStdString());
   const nlohmann::json values = Values();
   for (const auto& [name, value] : values.items()) {
-    line += " --" + QString::fromStdString(name).replace('_', '-').toStdString();
+    line += " --" + Text(name).replace('_', '-').toStdString();
     if (!value.is_boolean()) line += " " + ShellWord(value.is_string() ? value.get<std::string>() : value.dump());
   }
-  command_->setText(QString::fromStdString(line));
+  command_->setText(Text(line));
   run_->setEnabled(!work_ && form_->Problems().empty());
 }
 
@@ -105,7 +105,7 @@ void ActionDialog::Run() {
         timer_->stop();
         cancel_->setEnabled(false);
         status_->setText(well ? tr("Done.") : tr("Not done."));
-        outcome_->setPlainText(well ? QString::fromStdString(outcome.value) : outcome.error);
+        outcome_->setPlainText(well ? Text(outcome.value) : outcome.error);
         outcome_->show();
         ShowCommand();
         if (well) workspace_->Reload();

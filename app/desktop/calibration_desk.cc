@@ -104,7 +104,7 @@ void CalibrationDesk::Refresh() {
     name_->clear();
     if (workspace_->snapshot()) {
       for (const std::string& name : CalibrationNames(workspace_->snapshot()->dir / "results")) {
-        name_->addItem(QString::fromStdString(name));
+        name_->addItem(Text(name));
       }
     }
     name_->setCurrentIndex(std::max(0, name_->findText(before)));
@@ -134,7 +134,7 @@ void CalibrationDesk::Load() {
         const QSignalBlocker block(camera_);
         camera_->clear();
         if (view_) {
-          for (const CalibrationCamera& camera : view_->cameras) camera_->addItem(QString::fromStdString(camera.name));
+          for (const CalibrationCamera& camera : view_->cameras) camera_->addItem(Text(camera.name));
         }
         ShowCamera();
       });
@@ -153,7 +153,7 @@ void CalibrationDesk::ShowCamera() {
     QString text = workspace_->snapshot() ? tr("No calibration yet: press Calibrate, and give the pictures of a board "
                                                "and the board's target.")
                                           : tr("Open a project (Ctrl+O) to see its calibrations.");
-    if (view_ && !view_->problems.empty()) text = QString::fromStdString(view_->problems.front());
+    if (view_ && !view_->problems.empty()) text = Text(view_->problems.front());
     text_->setText(text);
     return;
   }
@@ -161,7 +161,7 @@ void CalibrationDesk::ShowCamera() {
   text_->setText(
       tr("%1, %2 x %3 px, %4 of %5 pictures used, residual RMS %6 px (how well the model fits, not how accurate "
          "it is)")
-          .arg(QString::fromStdString(camera.model))
+          .arg(Text(camera.model))
           .arg(camera.width)
           .arg(camera.height)
           .arg(camera.views_used)
@@ -170,7 +170,7 @@ void CalibrationDesk::ShowCamera() {
   for (const CalibrationParameter& p : camera.parameters) {
     const int row = parameters_->rowCount();
     parameters_->insertRow(row);
-    parameters_->setItem(row, 0, new QTableWidgetItem(QString::fromStdString(p.name)));
+    parameters_->setItem(row, 0, new QTableWidgetItem(Text(p.name)));
     parameters_->setItem(row, 1, new QTableWidgetItem(QString::number(p.value, 'f', 5)));
     parameters_->setItem(row, 2, new QTableWidgetItem(QString::number(p.sigma, 'g', 3)));
   }
@@ -178,7 +178,7 @@ void CalibrationDesk::ShowCamera() {
   parameters_->setMaximumWidth(parameters_->horizontalHeader()->length() + 2 * parameters_->frameWidth() +
                                style()->pixelMetric(QStyle::PM_ScrollBarExtent));
   QStringList next;
-  for (const std::string& sentence : camera.next) next << "- " + QString::fromStdString(sentence);
+  for (const std::string& sentence : camera.next) next << "- " + Text(sentence);
   next_->setText(tr("What to photograph next") + "\n" +
                  (next.isEmpty() ? tr("Every part of the image has points.") : next.join("\n")));
   if (camera.width > 0 && camera.height > 0) {

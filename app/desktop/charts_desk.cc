@@ -29,7 +29,7 @@ void ShowDrawing(PictureView* view, const PaintedDrawing& drawing, const QString
     mark.kind = PictureMark::Kind::kCircle;
     mark.points << QPointF(spot.x, spot.y) << QPointF(kRing_px, 0);
     mark.colour = QColor(0, 0, 0, 0);  // the picture has it; what is selected gets its ring
-    mark.object = QString::fromStdString(spot.object);
+    mark.object = Text(spot.object);
     marks.push_back(mark);
   }
   view->SetPicture(
@@ -46,7 +46,7 @@ void HighlightSelected(PictureView* view, const Workspace& workspace) {
   };
   for (const std::string& related : workspace.related()) {
     if (drawn(marked)) break;
-    marked = QString::fromStdString(related);
+    marked = Text(related);
   }
   view->SetHighlight(marked);
 }
@@ -110,7 +110,7 @@ void ChartsDesk::Load() {
           list_->clear();
           for (const NamedChart& chart : charts_) {
             auto* entry = new QListWidgetItem(ReportText(chart.title), list_);
-            entry->setData(Qt::UserRole, QString::fromStdString(chart.name));
+            entry->setData(Qt::UserRole, Text(chart.name));
             entry->setToolTip(ReportText(chart.caption));
           }
         }
@@ -183,7 +183,7 @@ void ChartsDesk::ListGroup(const QPointF& pixel) {
     menu->setAttribute(Qt::WA_DeleteOnClose);
     menu->addSection(tr("In this bar: %1").arg(g.objects.size()));
     for (size_t i = 0; i < std::min(g.objects.size(), kMostListed); ++i) {
-      const QString object = QString::fromStdString(g.objects[i]);
+      const QString object = Text(g.objects[i]);
       menu->addAction(object, this, [this, object] { workspace_->Select(object); });
     }
     if (g.objects.size() > kMostListed) {

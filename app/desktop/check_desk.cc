@@ -23,13 +23,10 @@ namespace trigpoint {
 
 namespace {
 
-constexpr int kLook_ms = 200;     // between two looks at how far it is
-constexpr int kSideBySide = 900;  // px; in a narrower desk the map stands below
-constexpr double kMapScale = 2;   // pixels a unit of the drawing
-constexpr uint64_t kSeed = 1;     // as the command's
+constexpr int kLook_ms = 200;    // between two looks at how far it is
+constexpr double kMapScale = 2;  // pixels a unit of the drawing
+constexpr uint64_t kSeed = 1;    // as the command's
 constexpr double kMmPerMetre = 1e3;
-
-QString Text(const std::string& text) { return QString::fromStdString(text); }
 
 QColor ColourOfLight(Light light) {
   return light == Light::kGreen   ? QColor(0, 120, 79)
@@ -145,10 +142,7 @@ CheckDesk::~CheckDesk() {
 
 void CheckDesk::resizeEvent(QResizeEvent* event) {
   QWidget::resizeEvent(event);
-  const Qt::Orientation way = width() < kSideBySide ? Qt::Vertical : Qt::Horizontal;
-  if (way == split_->orientation()) return;
-  split_->setOrientation(way);
-  split_->setSizes({1000, 1000});
+  if (TurnToFit(split_, width())) split_->setSizes({1000, 1000});
 }
 
 void CheckDesk::changeEvent(QEvent* event) {

@@ -63,7 +63,7 @@ void ForgetVariant(std::vector<ErrorRow>* rows) {
 QString CommonFolder(const std::vector<ReviewedError>& rows) {
   QString common;
   for (const ReviewedError& row : rows) {
-    const QString name = QString::fromStdString(row.panorama), folder = name.left(name.lastIndexOf('/') + 1);
+    const QString name = Text(row.panorama), folder = name.left(name.lastIndexOf('/') + 1);
     if (folder.isEmpty()) continue;
     if (!common.isEmpty() && folder != common) return QString();
     common = folder;
@@ -165,23 +165,22 @@ void CompareDesk::Refresh() {
     side.result->clear();
     side.run->clear();
     if (!snapshot) continue;
-    const QString dir = QString::fromStdString(snapshot->dir.string());
+    const QString dir = Text(snapshot->dir.string());
     for (const std::string& variant : snapshot->variants) {
-      const QString name = QString::fromStdString(variant);
+      const QString name = Text(variant);
       side.result->addItem(variant.empty() ? tr("first results") : name, variant.empty() ? dir : dir + "@" + name);
     }
     std::error_code ignored;
     for (fs::directory_iterator it(snapshot->dir / "releases", ignored), end; it != end; it.increment(ignored)) {
       if (!fs::exists(it->path() / "release.json")) continue;
-      side.result->addItem(tr("release %1").arg(QString::fromStdString(it->path().filename().string())),
-                           QString::fromStdString(it->path().string()));
+      side.result->addItem(tr("release %1").arg(Text(it->path().filename().string())), Text(it->path().string()));
     }
     for (const fs::path& folder : added_) {
-      side.result->addItem(QString::fromStdString(folder.string()), QString::fromStdString(folder.string()));
+      side.result->addItem(Text(folder.string()), Text(folder.string()));
     }
     side.run->addItem(tr("all runs"), "");
     for (const SnapshotRun& run : snapshot->runs) {
-      side.run->addItem(QString::fromStdString(run.name), QString::fromStdString(run.name));
+      side.run->addItem(Text(run.name), Text(run.name));
     }
     int index = side.result->findText(before);
     if (index < 0) index = std::min(i, side.result->count() - 1);
@@ -200,8 +199,7 @@ void CompareDesk::Compare() {
   for (int i = 0; i < 2; ++i) {
     written[i] = sides_[i].result->currentData().toString().toStdString();
     runs[i] = sides_[i].run->currentData().toString().toStdString();
-    names[i] = (sides_[i].result->currentText() + (runs[i].empty() ? "" : " ") + QString::fromStdString(runs[i]))
-                   .toStdString();
+    names[i] = (sides_[i].result->currentText() + (runs[i].empty() ? "" : " ") + Text(runs[i])).toStdString();
     sides_[i].source = SceneSourceOf(written[i]);
   }
   if (!workspace_->snapshot()) return Note(tr("Open a project (Ctrl+O) to compare its variants, runs and releases."));
@@ -210,7 +208,7 @@ void CompareDesk::Compare() {
   }
   QString note;
   if (runs[0].empty() != runs[1].empty()) {
-    const QString run = QString::fromStdString(runs[0].empty() ? runs[1] : runs[0]);
+    const QString run = Text(runs[0].empty() ? runs[1] : runs[0]);
     note = tr("One side is %1 alone: of the other side's runs only %1 is compared.").arg(run);
   } else if (written[0] == written[1] && runs[0] == runs[1]) {
     note = tr("A and B are the same results: choose another variant, run, release or project for B.");
@@ -247,12 +245,12 @@ void CompareDesk::Compare() {
         if (!compared.error.isEmpty()) return Note(compared.error);
         Note(compared.value.rows.empty() ? tr("A and B have no panorama in common that both evaluate.") : note);
         ShowErrors(compared.value.rows, single);
-        text_->setMarkdown(QString::fromStdString(compared.value.text));
+        text_->setMarkdown(Text(compared.value.text));
         differences_->setColumnCount(1);
         differences_->setHorizontalHeaderLabels({tr("what changed from A to B")});
         SetHeaderHelp(differences_, {tr("inputs, options and versions of the results that differ")});
         QStringList changes;
-        for (const std::string& change : compared.value.changes) changes << QString::fromStdString(change);
+        for (const std::string& change : compared.value.changes) changes << Text(change);
         if (changes.empty()) changes << tr("nothing: options, inputs and versions are the same");
         for (const QString& change : changes) {
           const int r = differences_->rowCount();
@@ -299,9 +297,9 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
     const QString status = before == after ? before : before + " / " + after;
     const QStringList cells{ReportText(ReferenceName(row.reference)),
                             ReportText(row.method),
-                            QString::fromStdString(row.run),
-                            QString::fromStdString(row.station),
-                            QString::fromStdString(row.panorama),
+                            Text(row.run),
+                            Text(row.station),
+                            Text(row.panorama),
                             length(row.before_m),
                             length(row.after_m),
                             length(difference),
@@ -313,8 +311,8 @@ void CompareDesk::ShowErrors(const std::vector<ReviewedError>& rows, bool single
         item->setToolTip(cells[c]);
         if (cells[c].startsWith(folder)) item->setText(cells[c].mid(folder.size()));
       }
-      item->setData(Qt::UserRole, QString::fromStdString("station:" + row.station));
-      item->setData(kRunRole, QString::fromStdString(row.run));
+      item->setData(Qt::UserRole, Text("station:" + row.station));
+      item->setData(kRunRole, Text(row.run));
       errors_->setItem(r, c, item);
     }
   }

@@ -214,7 +214,7 @@ void ImagesDesk::ShowSelected() {
   for (const std::string& related : workspace_->related()) {
     const bool other = object.startsWith("panorama:") && object.toStdString() != related;  // of the same station
     if (!related.starts_with("panorama:") || other) continue;
-    ShowObject(QString::fromStdString(related));
+    ShowObject(Text(related));
     break;
   }
   behind_ = !isVisible();
@@ -249,10 +249,10 @@ void ImagesDesk::Refresh() {
     point_->clear();
     if (const auto& snapshot = workspace_->snapshot()) {
       for (const SnapshotRun& r : snapshot->runs) {
-        if (r.broken.empty()) run_->addItem(QString::fromStdString(r.name));
+        if (r.broken.empty()) run_->addItem(Text(r.name));
       }
-      for (const SnapshotReference& r : snapshot->references) reference_->addItem(QString::fromStdString(r.name));
-      for (const SnapshotControl& c : snapshot->controls) point_->addItem(QString::fromStdString(c.name));
+      for (const SnapshotReference& r : snapshot->references) reference_->addItem(Text(r.name));
+      for (const SnapshotControl& c : snapshot->controls) point_->addItem(Text(c.name));
       point_->setCurrentText(point);
     }
     run_->setCurrentIndex(std::max(0, run_->findText(run_before)));
@@ -301,7 +301,7 @@ void ImagesDesk::FillImages() {
   const SnapshotRun* r = workspace_->snapshot() ? workspace_->snapshot()->FindRun(run().toStdString()) : nullptr;
   if (r != nullptr) {
     QStringList files;
-    for (const SnapshotImage& i : r->images) files << QString::fromStdString(i.file);
+    for (const SnapshotImage& i : r->images) files << Text(i.file);
     images_->addItems(files);
     thumbnails_->SetSource([snapshot = workspace_->snapshot(), name = r->name](const QString& file) {
       return LoadRunPicture(*snapshot->project, name, file.toStdString())
@@ -341,8 +341,7 @@ void ImagesDesk::ShowImage() {
       this, [snapshot = workspace_->snapshot(), r, file] { return LoadRunPicture(*snapshot->project, r, file); },
       [this, generation, r, file](const Attempted<QImage>& picture) {
         if (generation != generation_) return;
-        left_->SetPicture(picture.value,
-                          picture.error.isEmpty() ? QString::fromStdString(r + "/" + file) : picture.error);
+        left_->SetPicture(picture.value, picture.error.isEmpty() ? Text(r + "/" + file) : picture.error);
         pictured_ = !left_->image().isNull();
         PlacePanes();
         Redraw();
@@ -446,7 +445,7 @@ void ImagesDesk::ShowTag(int tag_id) {
           return !workspace_->run().isEmpty() && seen.image.starts_with(workspace_->run().toStdString() + "/");
         });
         if (shown == images.value.end()) shown = images.value.begin();
-        ShowObject(QString::fromStdString("detection:" + shown->image + "#" + std::to_string(tag_id)));
+        ShowObject(Text("detection:" + shown->image + "#" + std::to_string(tag_id)));
       });
 }
 
@@ -465,7 +464,7 @@ bool ImagesDesk::ShowPoint(const QString& object) {
           status_->setText(images.error);
           return;
         }
-        ShowObject("image:" + run_name + "/" + QString::fromStdString(images.value.front()));
+        ShowObject("image:" + run_name + "/" + Text(images.value.front()));
         wanted_ = object;
         Redraw();
       });
@@ -484,7 +483,7 @@ bool ImagesDesk::ShowObject(const QString& object) {
   if (object.startsWith("station:") || object.startsWith("tag:")) {
     bool shown = false;
     for (const std::string& related : snapshot->Related(object.toStdString())) {
-      if (related.starts_with("panorama:")) shown |= ShowObject(QString::fromStdString(related));
+      if (related.starts_with("panorama:")) shown |= ShowObject(Text(related));
       if (const auto tag = TagOf(related)) {
         ShowTag(*tag);
         shown = true;

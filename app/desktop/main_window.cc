@@ -127,7 +127,7 @@ MainWindow::MainWindow(QWidget* parent) : QMainWindow(parent) {
   connect(workspace_, &Workspace::UnitChanged, this, save_soon);
 
   connect(workspace_, &Workspace::Opened, this, [this, save_soon] {
-    setWindowTitle(tr("%1 - Trigpoint").arg(QString::fromStdString(workspace_->snapshot()->name)));
+    setWindowTitle(tr("%1 - Trigpoint").arg(Text(workspace_->snapshot()->name)));
     setWindowFilePath(workspace_->dir());
     QSettings settings;
     QStringList recent = settings.value("recent").toStringList();
@@ -235,7 +235,7 @@ void MainWindow::ConnectJobs() {
           });
   connect(workspace_, &Workspace::StateChanged, tree_, [this](int index) {
     const SnapshotResult& result = workspace_->results()[static_cast<size_t>(index)];
-    tree_->SetState(QString::fromStdString(result.title), QString::fromStdString(result.state));
+    tree_->SetState(Text(result.title), Text(result.state));
   });
   connect(
       jobs_, &JobController::Progress, this,

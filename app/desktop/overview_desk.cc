@@ -36,13 +36,10 @@ namespace trigpoint {
 namespace {
 
 constexpr int kTileWidth = 196;
-constexpr int kSideBySide = 900;      // px; in a narrower desk the plan stands below
 constexpr int kHighestMatrix = 420;   // px, then it scrolls
 constexpr size_t kMostWarnings = 12;  // until all are asked for
 constexpr int kWidestReason = 24;     // characters of a refusal in the matrix
 constexpr int kThumbnail_px = 96;     // of a project's plan on the welcome page
-
-QString Text(const std::string& text) { return QString::fromStdString(text); }
 
 const char* ToneColour(Tone tone) {
   switch (tone) {
@@ -125,10 +122,7 @@ OverviewDesk::OverviewDesk(Workspace* workspace, QWidget* parent) : QWidget(pare
 
 void OverviewDesk::resizeEvent(QResizeEvent* event) {
   QWidget::resizeEvent(event);
-  const Qt::Orientation way = width() < kSideBySide ? Qt::Vertical : Qt::Horizontal;
-  if (way == split_->orientation()) return;
-  split_->setOrientation(way);
-  split_->setSizes({1000, 1000});
+  if (TurnToFit(split_, width())) split_->setSizes({1000, 1000});
 }
 
 void OverviewDesk::changeEvent(QEvent* event) {

@@ -44,7 +44,7 @@ std::vector<PictureMark> GraphMarks(const PhotoSetView& set) {
     mark.kind = PictureMark::Kind::kCircle;
     mark.points << at << QPointF(7, 0);
     mark.colour = photo.placed ? QColor(0, 114, 178) : QColor(213, 94, 0);
-    mark.text = QString::fromStdString(std::filesystem::path(name).stem().string().substr(common.size()));
+    mark.text = Text(std::filesystem::path(name).stem().string().substr(common.size()));
     marks.push_back(mark);
   }
   int most = 1;
@@ -110,7 +110,7 @@ void PanoramaDesk::Refresh() {
         for (size_t i = 0; i < snapshot->references.size(); ++i) {
           const SnapshotReference& r = snapshot->references[i];
           if ((r.kind == "photo set") != (pass == 0)) continue;
-          set_->addItem(QString::fromStdString(r.name + " (" + r.kind + ")"), static_cast<int>(i));
+          set_->addItem(Text(r.name + " (" + r.kind + ")"), static_cast<int>(i));
         }
       }
     }
@@ -122,8 +122,7 @@ void PanoramaDesk::Refresh() {
 QString PanoramaDesk::Object() const {
   const auto& snapshot = workspace_->snapshot();
   if (!snapshot || set_->currentIndex() < 0) return "";
-  return QString::fromStdString("panorama:" +
-                                snapshot->references[static_cast<size_t>(set_->currentData().toInt())].name);
+  return Text("panorama:" + snapshot->references[static_cast<size_t>(set_->currentData().toInt())].name);
 }
 
 void PanoramaDesk::ShowSelected() {
@@ -153,8 +152,7 @@ void PanoramaDesk::ShowPhoto(int row) {
   InBackground(
       this, [file = files[static_cast<size_t>(row)]] { return LoadAnyPicture(file, 2048); },
       [this, row, generation = generation_,
-       name = QString::fromStdString(files[static_cast<size_t>(row)].filename().string())](
-          const Attempted<QImage>& image) {
+       name = Text(files[static_cast<size_t>(row)].filename().string())](const Attempted<QImage>& image) {
         if (generation != generation_ || photos_->currentRow() != row) return;
         photo_->SetPicture(image.value, image.error.isEmpty() ? name : image.error);
       });
@@ -215,8 +213,8 @@ void PanoramaDesk::ShowSet() {
         if (set.closure_deg) facts << tr("closure error %1 deg").arg(*set.closure_deg, 0, 'f', 3);
         if (set.covered_share) facts << tr("%1 % of the sphere covered").arg(100 * *set.covered_share, 0, 'f', 0);
         if (set.parallax_median_px) facts << tr("median parallax %1 px").arg(*set.parallax_median_px, 0, 'f', 1);
-        for (const std::string& problem : set.problems) facts << QString::fromStdString(problem);
-        text_->setText(is_set ? facts.join(", ") : QString::fromStdString(reference.station));
+        for (const std::string& problem : set.problems) facts << Text(problem);
+        text_->setText(is_set ? facts.join(", ") : Text(reference.station));
         QImage paper(kGraphSize, kGraphSize, QImage::Format_RGB32);
         paper.fill(Qt::white);
         graph_->SetPicture(is_set ? paper : QImage(), is_set ? tr("pairs, by direction") : tr("This is no photo set."));
@@ -245,7 +243,7 @@ void PanoramaDesk::ShowPhotos(const PhotoSetView& set) {
       return photo.placed ? QString::number(metres / workspace_->metres_per_unit(), 'f', 4) : QString();
     };
     const double sigma = std::max({photo.sigma_x, photo.sigma_y, photo.sigma_z});
-    const QStringList cells{QString::fromStdString(std::filesystem::path(photo.name).filename().string()),
+    const QStringList cells{Text(std::filesystem::path(photo.name).filename().string()),
                             number(photo.x),
                             number(photo.y),
                             number(photo.z),

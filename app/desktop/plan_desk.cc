@@ -30,15 +30,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kSideBySide = 900;  // px; in a narrower desk the map stands below
 constexpr double kMmPerMetre = 1e3;
 constexpr double kStationTag_m = 5;  // a station belongs to a tag that is not farther away
 constexpr double kUpright_m = 1.5;   // height of a tag's centre, and of a camera that is carried
 constexpr double kPrinted_mm = 200;  // size of a tag that tags.yaml does not list
 constexpr quint64 kSeed = 1;         // as the command's
 enum Column { kKind, kName, kEast, kNorth, kUp, kFaces, kSize, kSigmaH, kSigmaV, kTag, kColumns };
-
-QString Text(const std::string& text) { return QString::fromStdString(text); }
 
 bool IsMap(const SketchItem& item) { return item.kind == "tag" || item.kind == "candidate"; }
 bool IsKnown(const SketchItem& item) {
@@ -195,10 +192,8 @@ void PlanDesk::Connect() {
 
 void PlanDesk::resizeEvent(QResizeEvent* event) {
   QWidget::resizeEvent(event);
-  const Qt::Orientation way = width() < kSideBySide ? Qt::Vertical : Qt::Horizontal;
-  if (way == split_->orientation()) return;
-  split_->setOrientation(way);
-  if (way == Qt::Vertical) split_->setSizes({700, 300});  // one draws on the map
+  if (!TurnToFit(split_, width()) || split_->orientation() == Qt::Horizontal) return;
+  split_->setSizes({700, 300});  // one draws on the map
 }
 
 void PlanDesk::ChooseTool(const QString& tool) {

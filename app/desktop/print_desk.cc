@@ -47,8 +47,6 @@ constexpr int kLeastSide_px = 1200;  // of a page
 constexpr int kFirstTags = 4;        // proposed for a site
 constexpr double kLength_mm = 1000, kNominal_mm = 100;
 
-QString Text(const std::string& text) { return QString::fromStdString(text); }
-
 QDoubleSpinBox* Millimetres(const char* name, const QString& accessible, double low, double high, double value,
                             const QString& help) {
   auto* box = Named(new QDoubleSpinBox, name, accessible, help);

@@ -200,17 +200,17 @@ void ReviewDesk::Refresh() {
   if (!snapshot) return;
   if (opened_ != snapshot->dir) opened_ = snapshot->dir, opened_state_ = StateInForce();
   for (const std::string& name : snapshot->variants) {
-    variant_->addItem(name.empty() ? tr("first results") : QString::fromStdString(name), QString::fromStdString(name));
+    variant_->addItem(name.empty() ? tr("first results") : Text(name), Text(name));
   }
   variant_->setCurrentIndex(std::max(0, variant_->findData(before)));
   for (const ReviewEntry& entry : snapshot->project->review().entries()) {
-    QString action = QString::fromStdString(entry.action);
-    if (entry.action == "role") action = tr("role %1").arg(QString::fromStdString(entry.role));
+    QString action = Text(entry.action);
+    if (entry.action == "role") action = tr("role %1").arg(Text(entry.role));
     if (entry.action == "undo") action = tr("undo %1").arg(entry.undoes);
     AddRow(entries_,
-           {QString::number(entry.number), QString::fromStdString(entry.time), QString::fromStdString(entry.user),
-            action, QString::fromStdString(entry.object), QString::fromStdString(entry.reason)},
-           QString::fromStdString(entry.object), !entry.in_force);
+           {QString::number(entry.number), Text(entry.time), Text(entry.user), action, Text(entry.object),
+            Text(entry.reason)},
+           Text(entry.object), !entry.in_force);
   }
   entries_->scrollToBottom();
 }
@@ -233,10 +233,10 @@ void ReviewDesk::ShowChanges() {
     small += row.WithinSigma() ? 1 : 0;
     if (row.WithinSigma() && !small_changes_->isChecked()) continue;
     AddRow(changes_,
-           {ReportText(ReferenceName(row.reference)), ReportText(MethodName(row.method)),
-            QString::fromStdString(row.run), QString::fromStdString(row.station), text(row.before_m), text(row.after_m),
-            text(row.sigma_m), ReportText(StatusName(row.status_before)), ReportText(StatusName(row.status_after))},
-           QString::fromStdString("station:" + row.station), false);
+           {ReportText(ReferenceName(row.reference)), ReportText(MethodName(row.method)), Text(row.run),
+            Text(row.station), text(row.before_m), text(row.after_m), text(row.sigma_m),
+            ReportText(StatusName(row.status_before)), ReportText(StatusName(row.status_after))},
+           Text("station:" + row.station), false);
   }
   if (changed.empty()) {
     said += failure_.isEmpty() ? tr("Nothing changed at stations and check points.")

@@ -89,8 +89,8 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   Arrange();
   stage_->addItem(tr("all that is out of date"), "");
   for (const StageInfo* stage : AllStages()) {
-    const QString name = QString::fromStdString(stage->name);
-    stage_->addItem(name + ": " + QString::fromStdString(stage->help), name);
+    const QString name = Text(stage->name);
+    stage_->addItem(name + ": " + Text(stage->help), name);
   }
   connect(stage_, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &RunDesk::ShowStage);
   connect(runs_, &QListWidget::itemChanged, this, &RunDesk::ShowCommand);
@@ -122,8 +122,7 @@ RunDesk::RunDesk(Workspace* workspace, JobController* jobs, QWidget* parent)
   });
   connect(results_, &QTableWidget::cellActivated, this, [this](int row) {
     const SnapshotResult& result = workspace_->results()[static_cast<size_t>(row)];
-    Choose(QString::fromStdString(result.stage), QString::fromStdString(result.run),
-           QString::fromStdString(result.variant));
+    Choose(Text(result.stage), Text(result.run), Text(result.variant));
   });
   connect(graph_, &StageGraph::Chosen, this, [this](const QString& stage) { Choose(stage, ""); });
   Refresh();
@@ -231,8 +230,8 @@ void RunDesk::ShowResults() {
   for (const SnapshotResult& result : workspace_->results()) {
     const int row = results_->rowCount();
     results_->insertRow(row);
-    const QStringList cells{QString::fromStdString(result.title), TextOfState(result.state),
-                            QString::fromStdString(result.metric.Text(workspace_->display_unit())),
+    const QStringList cells{Text(result.title), TextOfState(result.state),
+                            Text(result.metric.Text(workspace_->display_unit())),
                             result.seconds > 0 ? QString::number(result.seconds, 'f', 1) : QString()};
     for (int c = 0; c < cells.size(); ++c) {
       auto* item = new QTableWidgetItem(cells[c]);
@@ -249,7 +248,7 @@ void RunDesk::ShowResults() {
 void RunDesk::ShowResult(int result) {
   const SnapshotResult& shown = workspace_->results()[static_cast<size_t>(result)];
   for (int c = 0; c < results_->columnCount(); ++c) {
-    results_->item(result, c)->setToolTip(QString::fromStdString(shown.reason));
+    results_->item(result, c)->setToolTip(Text(shown.reason));
   }
   results_->item(result, 1)->setText(TextOfState(shown.state));
   results_->item(result, 1)->setForeground(ColourOfState(shown.state));
@@ -333,10 +332,10 @@ void RunDesk::ListNames() {
   const auto& snapshot = workspace_->snapshot();
   if (!snapshot) return;
   const auto add = [&](const std::string& name, const std::string& broken) {
-    auto* item = new QListWidgetItem(QString::fromStdString(name), runs_);
+    auto* item = new QListWidgetItem(Text(name), runs_);
     item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
     item->setCheckState(unchecked.contains(item->text()) ? Qt::Unchecked : Qt::Checked);
-    item->setToolTip(QString::fromStdString(broken));
+    item->setToolTip(Text(broken));
   };
   for (const SnapshotReference& reference : snapshot->references) {
     if (stitch && reference.kind == "photo set") add(reference.name, "");
@@ -346,10 +345,10 @@ void RunDesk::ListNames() {
   }
   if (calibrate) {
     for (const std::string& name : CalibrationNames(snapshot->dir / "results")) {
-      variant_->addItem(QString::fromStdString(name));
+      variant_->addItem(Text(name));
     }
   } else {
-    for (const std::string& name : snapshot->variants) variant_->addItem(QString::fromStdString(name));
+    for (const std::string& name : snapshot->variants) variant_->addItem(Text(name));
   }
   variant_->setCurrentText(variant);
 }
@@ -388,7 +387,7 @@ void RunDesk::ShowCommand() {
   std::vector<std::string> problems;
   if (!stage_->currentData().toString().isEmpty()) problems = form_->Problems();
   QString text;
-  for (const std::string& problem : problems) text += (text.isEmpty() ? "" : "\n") + QString::fromStdString(problem);
+  for (const std::string& problem : problems) text += (text.isEmpty() ? "" : "\n") + Text(problem);
   problem_->setText(text);
   problem_->setVisible(!text.isEmpty());
   run_->setEnabled(problems.empty() && !jobs_->running());
@@ -396,7 +395,7 @@ void RunDesk::ShowCommand() {
   const QString expected = TextOf(ExpectedOf(*workspace_, query, static_cast<quint64>(seed_->value())));
   expected_->setText(expected);
   expected_->setVisible(!expected.isEmpty());
-  command_->setText(QString::fromStdString(
+  command_->setText(Text(
       CommandLine(workspace_->dir().toStdString(), query, threads_->value(), static_cast<uint64_t>(seed_->value()))));
 }
 

@@ -252,7 +252,7 @@ void SceneDesk::ConnectControls() {
     vtk_->cameras.clear();
     const SceneModel* model = vtk_->model();
     for (size_t i = 0; model != nullptr && i < model->cameras.size(); ++i) {
-      if (QString::fromStdString(model->cameras[i].run) == run_->currentText()) {
+      if (Text(model->cameras[i].run) == run_->currentText()) {
         vtk_->cameras.push_back(static_cast<int>(i));
       }
     }
@@ -270,7 +270,7 @@ void SceneDesk::ConnectControls() {
   connect(step_, &QPushButton::clicked, this, [this] {
     if (inside()) return StepOutside();
     for (const std::string& object : workspace_->related()) {
-      if (object.starts_with("panorama:") && StepInside(QString::fromStdString(object.substr(9)))) return;
+      if (object.starts_with("panorama:") && StepInside(Text(object.substr(9)))) return;
     }
     Note(tr("Select a localized panorama first."));
   });
@@ -297,8 +297,7 @@ void SceneDesk::ConnectWorkspace() {
       const QString before = variant_->currentData().toString();
       variant_->clear();
       for (const std::string& name : workspace_->snapshot()->variants) {
-        variant_->addItem(name.empty() ? tr("first results") : QString::fromStdString(name),
-                          QString::fromStdString(name));
+        variant_->addItem(name.empty() ? tr("first results") : Text(name), Text(name));
       }
       variant_->setCurrentIndex(std::max(0, variant_->findData(before)));
       variant_->setVisible(kind_ == Kind::kFull && variant_->count() > 1);
@@ -454,7 +453,7 @@ void SceneDesk::Load() {
             vtk_->looked = !vtk_->scene->model.Empty();
           }
           QStringList notes;
-          for (const std::string& note : vtk_->scene->model.notes) notes << QString::fromStdString(note);
+          for (const std::string& note : vtk_->scene->model.notes) notes << Text(note);
           if (vtk_->scene->model.Empty()) notes.prepend(tr("Nothing to show yet: run localize."));
           load_notes_ = notes.join("\n");
           ShowSelected();
@@ -513,7 +512,7 @@ void SceneDesk::ShowSwatches() {
   const QSignalBlocker block(layers_);
   for (int i = 0; i < layers_->count(); ++i) {
     const QString layer = layers_->item(i)->data(Qt::UserRole).toString();
-    const QColor colour(QString::fromStdString(SceneView::ColourOfLayer(layer.toStdString())));
+    const QColor colour(Text(SceneView::ColourOfLayer(layer.toStdString())));
     if (!colour.isValid()) continue;
     QPixmap swatch(12, 12);
     swatch.fill(palette().color(QPalette::Text));
@@ -531,7 +530,7 @@ void SceneDesk::ShowLayers() {
   layers_->clear();
   for (const std::string& layer : SceneView::Layers()) {
     if (!vtk_->view->HasContent(layer)) continue;
-    const QString name = QString::fromStdString(layer);
+    const QString name = Text(layer);
     auto* item = new QListWidgetItem(tr(layer.c_str()), layers_);
     item->setData(Qt::UserRole, name);
     item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
@@ -548,7 +547,7 @@ void SceneDesk::ShowLayers() {
   const QString run = run_->currentText();
   const QSignalBlocker block_run(run_);
   run_->clear();
-  for (const std::string& name : vtk_->scene->model.runs) run_->addItem(QString::fromStdString(name));
+  for (const std::string& name : vtk_->scene->model.runs) run_->addItem(Text(name));
   run_->setCurrentIndex(-1);
   run_->blockSignals(false);
   run_->setCurrentIndex(std::max(0, run_->findText(run)));
@@ -565,19 +564,19 @@ void SceneDesk::ShowSelected() {
   for (const std::string& object : workspace_->related()) {
     const std::vector<ScenePick> found = vtk_->Find(object);
     if (found.empty()) continue;
-    vtk_->highlighted << QString::fromStdString(object);
+    vtk_->highlighted << Text(object);
     const bool small = object.starts_with("image:") || object.starts_with("point:");
     for (const ScenePick& pick : found) {
       // From inside a panorama the ring of its own mark would surround the viewer.
       const bool own =
           inside() && pick.layer == "panoramas" && pick.name == vtk_->scene->model.panoramas[vtk_->inside].panorama;
       if (pick.layer != "errors" && !own) vtk_->AddRing(vtk_->highlights, pick.position, small ? 0.5 : 0.9);
-      const QString text = QString::fromStdString(pick.text);
+      const QString text = Text(pick.text);
       if (pick.layer != "errors" && !texts.contains(text)) texts << text;  // errors stand on the station's card
     }
   }
   texts.sort();
-  if (!texts.isEmpty()) texts << tr("frame: %1").arg(QString::fromStdString(vtk_->scene->model.frame));
+  if (!texts.isEmpty()) texts << tr("frame: %1").arg(Text(vtk_->scene->model.frame));
   const QString& selected = workspace_->selected();
   const bool there = selected.isEmpty() || !vtk_->Find(selected.toStdString()).empty();
   // A tag or control point stands in for a station that isn't localized; a detection is its image and its tag.
@@ -612,9 +611,8 @@ void SceneDesk::ShowPicture() {
         [this, object, selection = shown_](const Attempted<QImage>& image) {
           if (selection != shown_) return;
           picture_->SetMarks({});
-          picture_->SetPicture(image.value, image.error.isEmpty()
-                                                ? QString::fromStdString(object.substr(object.find(':') + 1))
-                                                : image.error);
+          picture_->SetPicture(image.value,
+                               image.error.isEmpty() ? Text(object.substr(object.find(':') + 1)) : image.error);
         });
     return;
   }
@@ -625,7 +623,7 @@ void SceneDesk::ShowPicture() {
 // The images that see the point, and the first of them with the point marked.
 void SceneDesk::ShowPointPicture(const std::string& name) {
   const std::string run = name.substr(0, name.find('/'));
-  const int64_t id = QString::fromStdString(name.substr(name.find('/') + 1)).toLongLong();
+  const int64_t id = Text(name.substr(name.find('/') + 1)).toLongLong();
   struct Seen {
     std::vector<std::string> images;
     QImage picture;
@@ -655,7 +653,7 @@ void SceneDesk::ShowPointPicture(const std::string& name) {
         if (selection != shown_) return;
         if (seen.value.images.empty()) return Say(text_->text() + "\n" + seen.error);
         QStringList images;
-        for (const std::string& image : seen.value.images) images << QString::fromStdString(image);
+        for (const std::string& image : seen.value.images) images << Text(image);
         const QString shown = images.front();
         if (images.size() > kMostNames) images = images.mid(0, kMostNames) << "...";
         Say(text_->text() + "\n" + tr("seen by %1").arg(images.join(", ")));
@@ -672,16 +670,16 @@ QString SceneDesk::PickAt(double x, double y) {
   const auto pick = vtk_->Pick({x, y});
   if (!pick) return "";
   if (measure_->isChecked()) return MeasureTo(*pick);
-  const QString text = QString::fromStdString(pick->text);
+  const QString text = Text(pick->text);
   const std::string object = ObjectOf(*pick);
-  if (!object.empty()) workspace_->Select(QString::fromStdString(object));  // says what belongs to it, too
+  if (!object.empty()) workspace_->Select(Text(object));  // says what belongs to it, too
   if (object.empty() || pick->layer == "errors") Note(text);
   return text;
 }
 
 QString SceneDesk::ObjectAt(const QPointF& at) const {
   const auto pick = vtk_->Pick(at);
-  return pick ? QString::fromStdString(ObjectOf(*pick)) : QString();
+  return pick ? Text(ObjectOf(*pick)) : QString();
 }
 
 std::vector<SceneError> SceneDesk::ErrorsAt(const QString& object) const {
@@ -760,10 +758,10 @@ void SceneDesk::StepInto(size_t panorama) {
         if (workspace_->related().count(object) > 0) {
           ShowSelected();
         } else {
-          workspace_->Select(QString::fromStdString(object));
+          workspace_->Select(Text(object));
         }
         Note(tr("inside %1, as localized by %2; drag to look around, wheel: zoom, Page Up and Page Down: the others")
-                 .arg(QString::fromStdString(shown.panorama), QString::fromStdString(shown.run)));
+                 .arg(Text(shown.panorama), Text(shown.run)));
         Render();
         emit SteppedInside();
       });
@@ -824,7 +822,7 @@ QString SceneDesk::DiffersFrom(const SceneDesk& other) const {
   if (here.Empty() || there.Empty()) return "";
   if (here.frame != there.frame) {
     return tr("The two are in different frames and do not lie over each other: %1, and %2.")
-        .arg(QString::fromStdString(there.frame), QString::fromStdString(here.frame));
+        .arg(Text(there.frame), Text(here.frame));
   }
   if (!vtk_->scene->frame || !other.vtk_->scene->frame) return "";
   const double off_m = vtk_->scene->frame->EnuFromGeodetic(other.vtk_->scene->frame->origin()).norm();
@@ -855,8 +853,8 @@ void SceneDesk::ShowCamera(int index) {
   const SceneModel* model = vtk_->model();
   if (model == nullptr || index < 0 || index >= static_cast<int>(vtk_->cameras.size())) return;
   const SceneCamera& camera = model->cameras[static_cast<size_t>(vtk_->cameras[static_cast<size_t>(index)])];
-  camera_->setText(QString::fromStdString(camera.image));
-  workspace_->Select(QString::fromStdString("image:" + camera.run + "/" + camera.image));
+  camera_->setText(Text(camera.image));
+  workspace_->Select(Text("image:" + camera.run + "/" + camera.image));
   if (!follow_->isChecked() || inside()) return;  // one stands at the panorama's centre
   if (mode() == "plan") {
     const Eigen::Vector3d focus(vtk_->renderer->GetActiveCamera()->GetFocalPoint());

@@ -111,7 +111,7 @@ void SceneDesk::ShowRuns() {
   }
   runs_->clear();
   for (const std::string& run : vtk_->scene->model.runs) {
-    auto* item = new QListWidgetItem(QString::fromStdString(run), runs_);
+    auto* item = new QListWidgetItem(Text(run), runs_);
     item->setFlags(item->flags() | Qt::ItemIsUserCheckable);
     item->setCheckState(hidden.contains(item->text()) ? Qt::Unchecked : Qt::Checked);
   }
@@ -263,7 +263,7 @@ void SceneDesk::ListInside() {
     const auto& panoramas = vtk_->model()->panoramas;
     for (size_t i = 0; i < panoramas.size(); ++i) {
       if (panoramas[i].panorama != panoramas[vtk_->inside].panorama) continue;
-      inside_run_->addItem(QString::fromStdString(panoramas[i].run), static_cast<int>(i));
+      inside_run_->addItem(Text(panoramas[i].run), static_cast<int>(i));
       if (i == vtk_->inside) inside_run_->setCurrentIndex(inside_run_->count() - 1);
     }
   }

@@ -31,8 +31,6 @@ constexpr int kLook_ms = 100;    // between two looks at how far it is
 constexpr int kWidth_px = 4096;  // of pictures, as `import` loads them
 enum Column { kPicked, kService, kPanorama, kTaken, kAway, kHeading, kWide, kLicence, kOwner, kColumns };
 
-QString Text(const std::string& text) { return QString::fromStdString(text); }
-
 }  // namespace
 
 struct ServicesDialog::Query {

@@ -26,8 +26,6 @@ namespace {
 constexpr int kDecimals = 3;    // of lengths
 constexpr int kBesideText = 9;  // pixels of a cell, both sides together
 
-QString Text(const std::string& text) { return QString::fromStdString(text); }
-
 auto Group(const ErrorRecord& e) { return std::tie(e.kind, e.reference, e.method); }
 
 std::optional<double> SigmaInSpace(const ErrorRecord& e) {

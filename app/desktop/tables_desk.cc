@@ -91,11 +91,11 @@ void DataTableModel::SetTable(std::shared_ptr<const DataTable> table) {
     for (size_t r = 0; r < table_->rows.size() && looked < kMostLooked; ++r) {
       if (table_->rows[r][c].empty()) continue;
       ++looked;
-      QString::fromStdString(table_->rows[r][c]).toDouble(&numeric);
+      Text(table_->rows[r][c]).toDouble(&numeric);
       if (!numeric) break;
     }
     numeric_.push_back(numeric);
-    formats_.push_back(FormatOf(QString::fromStdString(table_->columns[c]), numeric));
+    formats_.push_back(FormatOf(Text(table_->columns[c]), numeric));
   }
   run_ = 0;
   while (table_ && run_ < table_->columns.size() && table_->columns[run_] != "run") ++run_;
@@ -131,17 +131,17 @@ int DataTableModel::columnCount(const QModelIndex& parent) const {
 QVariant DataTableModel::data(const QModelIndex& index, int role) const {
   if (!index.isValid() || !table_) return {};
   const auto r = static_cast<size_t>(index.row()), c = static_cast<size_t>(index.column());
-  const QString text = QString::fromStdString(table_->rows[r][c]);
+  const QString text = Text(table_->rows[r][c]);
   switch (role) {
     case Qt::DisplayRole:
       if (const auto word = WordFor(*table_, table_->columns[c], text.toStdString())) {
-        return QString::fromStdString(*word);
+        return Text(*word);
       }
       return formats_[c].Cell(text, workspace_->display_unit());
     case Qt::ToolTipRole: return text;  // as the file has it
     case kSortRole: return numeric_[c] ? (text.isEmpty() ? QVariant() : QVariant(text.toDouble())) : QVariant(text);
-    case kRunRole: return run_ < table_->columns.size() ? QString::fromStdString(table_->rows[r][run_]) : QString();
-    case kObjectRole: return QString::fromStdString(table_->objects[r]);
+    case kRunRole: return run_ < table_->columns.size() ? Text(table_->rows[r][run_]) : QString();
+    case kObjectRole: return Text(table_->objects[r]);
     case Qt::TextAlignmentRole:
       return static_cast<int>((numeric_[c] ? Qt::AlignRight : Qt::AlignLeft) | Qt::AlignVCenter);
     case Qt::BackgroundRole: {  // errors by their size; what belongs to the selection
@@ -168,7 +168,7 @@ QVariant DataTableModel::headerData(int section, Qt::Orientation orientation, in
   const auto c = static_cast<size_t>(section);
   const DisplayUnit& unit = workspace_->display_unit();
   if (role == Qt::ToolTipRole) {
-    return ColumnHelp(*table_, QString::fromStdString(table_->columns[c]), formats_[c].UnitShown(unit));
+    return ColumnHelp(*table_, Text(table_->columns[c]), formats_[c].UnitShown(unit));
   }
   return formats_[c].Header(unit);
 }
@@ -292,7 +292,7 @@ void TablesDesk::Refresh() {
     if (workspace_->snapshot()) sources_ = FindTables(workspace_->snapshot()->dir / "results");
     std::map<QString, QTreeWidgetItem*> folders = {{"", tree_->invisibleRootItem()}};
     for (const DataTableSource& source : sources_) {
-      const QStringList parts = QString::fromStdString(source.title).split('/');
+      const QStringList parts = Text(source.title).split('/');
       QString folder;
       for (int i = 0; i + 1 < parts.size(); ++i) {  // localize, run1, panoramas
         const QString inner = folder.isEmpty() ? parts[i] : folder + "/" + parts[i];
@@ -306,11 +306,11 @@ void TablesDesk::Refresh() {
         folder = inner;
       }
       auto* item = new QTreeWidgetItem(folders[folder], {parts.last()});
-      item->setToolTip(0, QString::fromStdString(source.title));  // names are cut in a narrow tree
-      item->setData(0, Qt::UserRole, QString::fromStdString(source.title));
+      item->setToolTip(0, Text(source.title));  // names are cut in a narrow tree
+      item->setData(0, Qt::UserRole, Text(source.title));
     }
     QTreeWidgetItem* now = ItemOf(before);
-    if (now == nullptr && !sources_.empty()) now = ItemOf(QString::fromStdString(sources_.front().title));
+    if (now == nullptr && !sources_.empty()) now = ItemOf(Text(sources_.front().title));
     tree_->setCurrentItem(now);
   }
   ShowTable();
@@ -322,7 +322,7 @@ void TablesDesk::ColumnMenu(const QPoint& at) {
   menu->setObjectName("tables.column_menu");
   menu->setAttribute(Qt::WA_DeleteOnClose);
   for (int c = 0; c < model_->columnCount(); ++c) {
-    const QString name = QString::fromStdString(model_->table()->columns[static_cast<size_t>(c)]);
+    const QString name = Text(model_->table()->columns[static_cast<size_t>(c)]);
     QAction* action = menu->addAction(model_->headerData(c, Qt::Horizontal, Qt::DisplayRole).toString());
     action->setCheckable(true);
     action->setChecked(!view_->isColumnHidden(c));
@@ -343,8 +343,7 @@ void TablesDesk::ShowColumn(const QString& column, bool shown) {
 void TablesDesk::ShowColumns() {
   const QStringList hidden = QSettings().value(kHidden).toStringList();
   for (int c = 0; c < model_->columnCount(); ++c) {
-    view_->setColumnHidden(c,
-                           hidden.contains(QString::fromStdString(model_->table()->columns[static_cast<size_t>(c)])));
+    view_->setColumnHidden(c, hidden.contains(Text(model_->table()->columns[static_cast<size_t>(c)])));
   }
 }
 
@@ -352,9 +351,8 @@ void TablesDesk::ShowTable() {
   const QString wanted = title();
   if (wanted.isEmpty() && tree_->currentItem() != nullptr) return;  // a folder: the table stays
   const int generation = ++generation_;
-  const auto found = std::find_if(sources_.begin(), sources_.end(), [&](const DataTableSource& source) {
-    return QString::fromStdString(source.title) == wanted;
-  });
+  const auto found = std::find_if(sources_.begin(), sources_.end(),
+                                  [&](const DataTableSource& source) { return Text(source.title) == wanted; });
   empty_->setVisible(found == sources_.end());
   view_->setVisible(found != sources_.end());
   if (found == sources_.end()) {

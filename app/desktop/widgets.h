@@ -8,10 +8,13 @@
 #include <QScrollArea>
 #include <QSplitter>
 #include <initializer_list>
+#include <string>
 
 #include "app/desktop/flow_layout.h"
 
 namespace trigpoint {
+
+inline QString Text(const std::string& text) { return QString::fromStdString(text); }
 
 // `name`: by which tests and styles find it; `accessible`: as it is read aloud; `help`: its tooltip.
 template <typename Widget>
@@ -115,6 +118,15 @@ inline QSplitter* InSplitter(Qt::Orientation way, std::initializer_list<QWidget*
   for (QWidget* widget : widgets) splitter->addWidget(widget);
   if (!sizes.isEmpty()) splitter->setSizes(sizes);
   return splitter;
+}
+
+// Side by side in a wide desk, one below the other in a narrow one. Has it turned?
+inline bool TurnToFit(QSplitter* splitter, int width) {
+  constexpr int kSideBySide = 900;  // px
+  const Qt::Orientation way = width < kSideBySide ? Qt::Vertical : Qt::Horizontal;
+  if (way == splitter->orientation()) return false;
+  splitter->setOrientation(way);
+  return true;
 }
 
 }  // namespace trigpoint
