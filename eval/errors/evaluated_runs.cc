@@ -70,9 +70,6 @@ std::vector<std::string> EvidenceOf(const Run& run, const LocalizeResult& result
   return evidence;
 }
 
-// Name of what several runs were adjusted to, as a variant beside the runs alone.
-std::string SiteVariant(const std::string& variant) { return ResultNameOf("site", variant); }
-
 // 1 sigma of a stitched rig's centre per axis: its photos' centres scatter about it.
 double StitchSigma(const fs::path& rig_csv) {
   const CsvTable table = CsvTable::Read(rig_csv, {"photo", "sigma_tx_m", "sigma_ty_m", "sigma_tz_m"});
@@ -173,8 +170,8 @@ void AddEvaluatedSite(const std::string& variant, const std::vector<Station>& st
   const Solution solution = ReadSolution(file);
   EvaluatedRun all;
   all.run = "site";
-  all.variant = SiteVariant(variant);
-  all.odometry_levelled = true;  // it lies in the world
+  all.variant = ResultNameOf("site", variant);  // beside the runs alone
+  all.odometry_levelled = true;                 // it lies in the world
   all.evidence = solution.georeference->evidence;
   for (size_t i = 0; i < solution.runs.size(); ++i) {
     const Solution part = PartOfRun(solution, i);
