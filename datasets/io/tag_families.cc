@@ -61,7 +61,6 @@ TagFamilies::TagFamilies(const std::string& text) {
       }
       at = next;
     }
-    begin = end + 1;
   }
 }
 

@@ -196,7 +196,7 @@ TEST(EvaluateCommand, UsesMeasuredOffsetsWhenAsked) {
     return std::string("no such row");
   };
   const auto shared = [&](const std::string& station) { return value(station, "shares_evidence"); };
-  const auto east = [&](const std::string& station) { return ParseDouble(value(station, "de_m")).value_or(HUGE_VAL); };
+  const auto east = [&](const std::string& station) { return ParseDouble(value(station, "de_m")).value(); };
   const double stated = east("S3"), other = east("S4");
   EXPECT_EQ(shared("S3"), "no");
   const Finished estimated = Trigpoint({"evaluate", site.dir(), "--offsets", "estimated"});
