@@ -6,6 +6,7 @@
 
 #include "calib/geo/geodetic.h"
 #include "datasets/io/camchain.h"
+#include "datasets/io/gps.h"
 #include "survey/input/known_points.h"
 
 namespace trigpoint {
