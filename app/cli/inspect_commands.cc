@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "app/cli/command.h"
+#include "app/pipeline/drawn_views.h"
 #include "datasets/io/kept_input.h"
 #include "datasets/io/text.h"
 #include "datasets/project/marking.h"

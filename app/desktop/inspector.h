@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "app/pipeline/drawn_views.h"
 #include "datasets/project/reference_parts.h"
 #include "eval/inspect/run_inspector.h"
 

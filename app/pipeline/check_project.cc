@@ -1,10 +1,10 @@
 #include "app/pipeline/check_project.h"
 
+#include "app/pipeline/detect_stage.h"
 #include "app/pipeline/gates_stage.h"
 #include "app/pipeline/stages.h"
 #include "app/pipeline/survey_input.h"
 #include "eval/plan/layout.h"
-#include "survey/input/reference_tags.h"
 
 namespace trigpoint {
 
