@@ -15,6 +15,7 @@
 #include "app/desktop/overview.h"
 #include "app/desktop/report_text.h"
 #include "app/desktop/tolerance.h"
+#include "app/desktop/views_box.h"
 #include "app/desktop/widgets.h"
 #include "datasets/project/project.h"
 #include "eval/text/method_name.h"
