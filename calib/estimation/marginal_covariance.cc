@@ -74,9 +74,9 @@ Part PartOfRows(const ceres::CRSMatrix& j, const std::vector<double>& r, const s
 }
 
 // Sandwich estimate (White 1980), whose mean is what independent errors leave after the fit: a group with information
-// h has a gradient of variance h - h C h there.
+// h has a gradient of variance h - h C h there. `weight`: of gradients; the covariance C where all is asked for.
 double SharedErrors(const std::vector<Part>& of_point, const std::vector<int>& groups,
-                    const Eigen::MatrixXd& covariance) {
+                    const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& weight) {
   std::map<int, std::vector<const Part*>> of_group;
   for (size_t p = 0; p < of_point.size(); ++p) of_group[groups[p]].push_back(&of_point[p]);
   double seen = 0, expected = 0;
@@ -86,9 +86,10 @@ double SharedErrors(const std::vector<Part>& of_point, const std::vector<int>& g
     Part sum = PartOf(std::move(active));
     for (const Part* part : parts) AddTo(*part, &sum);
     const Eigen::MatrixXd c = covariance(sum.columns, sum.columns);
-    const Eigen::MatrixXd ch = c * sum.h;
-    seen += sum.g.dot(c * sum.g);
-    expected += ch.trace() - ch.cwiseProduct(ch.transpose()).sum();
+    const Eigen::MatrixXd w = weight(sum.columns, sum.columns);
+    const Eigen::MatrixXd wh = w * sum.h, ch = c * sum.h;
+    seen += sum.g.dot(w * sum.g);
+    expected += wh.trace() - wh.cwiseProduct(ch.transpose()).sum();
   }
   return expected > 0 ? seen / expected : 0;
 }
@@ -96,7 +97,8 @@ double SharedErrors(const std::vector<Part>& of_point, const std::vector<int>& g
 }  // namespace
 
 MarginalCovariance Marginalise(ceres::Problem* problem, const std::vector<double*>& kept,
-                               const std::vector<double*>& points, const std::vector<std::vector<int>>& groupings) {
+                               const std::vector<double*>& points, const std::vector<std::vector<int>>& groupings,
+                               int asked) {
   ceres::Problem::EvaluateOptions evaluate;
   evaluate.parameter_blocks = kept;
   evaluate.parameter_blocks.insert(evaluate.parameter_blocks.end(), points.begin(), points.end());
@@ -142,8 +144,14 @@ MarginalCovariance Marginalise(ceres::Problem* problem, const std::vector<double
   if (ldlt.info() != Eigen::Success || !(ldlt.vectorD().minCoeff() > 0)) return {};
   MarginalCovariance out;
   out.covariance = ldlt.solve(Eigen::MatrixXd::Identity(columns, columns));
+  if (groupings.empty()) return out;
+  Eigen::MatrixXd weight = out.covariance;
+  if (asked >= 0 && asked < columns) {
+    const Eigen::MatrixXd rows = out.covariance.topRows(asked);
+    weight = rows.transpose() * rows.leftCols(asked).ldlt().solve(rows);
+  }
   for (const std::vector<int>& groups : groupings) {
-    out.shared = std::max(out.shared, SharedErrors(of_point, groups, out.covariance));
+    out.shared = std::max(out.shared, SharedErrors(of_point, groups, out.covariance, weight));
   }
   return out;
 }

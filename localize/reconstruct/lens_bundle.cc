@@ -95,8 +95,9 @@ LensBundle::LensBundle(const Reconstruction& r, std::vector<LensParameters> of_c
     : lenses(std::move(of_cameras)),
       problem(LossIsKept()),
       reconstruction_(r),
-      loss_(kLossSigmas),
-      points_(r.problem.points) {
+      loss_(new ceres::CauchyLoss(kLossSigmas), ceres::TAKE_OWNERSHIP),
+      points_(r.problem.points),
+      first_(points_.size(), -1) {
   for (const Rigid3d& pose : r.problem.poses) {
     const Eigen::Vector3d w = LogSO3(pose.rotation);
     poses_.push_back({w.x(), w.y(), w.z(), pose.translation.x(), pose.translation.y(), pose.translation.z()});
@@ -107,12 +108,15 @@ void LensBundle::AddImages(int points_per_image, const ObservationCost& cost) {
   const Reconstruction& r = reconstruction_;
   const std::vector<bool> poses = PosesToUse(r.problem.poses.size());
   const std::vector<bool> used = PointsToUse(r, poses, points_per_image);
-  for (const BearingObservation& o : r.problem.observations) {
+  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
+    const BearingObservation& o = r.problem.observations[k];
     const auto point = static_cast<size_t>(o.point), pose = static_cast<size_t>(o.pose);
     const auto camera = static_cast<size_t>(o.view);
     if (!o.active || !used[point] || !poses[pose] || camera >= lenses.size()) continue;
-    if (ceres::CostFunction* function = cost(o))
-      problem.AddResidualBlock(function, &loss_, poses_[pose].data(), points_[point].data(), lenses[camera].data());
+    ceres::CostFunction* const function = cost(o);
+    if (function == nullptr) continue;
+    problem.AddResidualBlock(function, &loss_, poses_[pose].data(), points_[point].data(), lenses[camera].data());
+    if (first_[point] < 0) first_[point] = static_cast<int>(k);
   }
   if (problem.NumResidualBlocks() == 0)
     throw NumericError("the lens cannot be estimated: expected points seen in several images, found none");
@@ -154,7 +158,16 @@ double LensBundle::Solve(int max_iterations) {
   return summary.final_cost;
 }
 
-Eigen::MatrixXd LensBundle::CovarianceOfLenses() {
+void LensBundle::Discount(double times) {
+  auto* const scaled = new ceres::ScaledLoss(new ceres::CauchyLoss(kLossSigmas), 1 / times, ceres::TAKE_OWNERSHIP);
+  loss_.Reset(scaled, ceres::TAKE_OWNERSHIP);
+}
+
+double LensBundle::SharedErrors(const std::function<int(const BearingObservation&)>& part) {
+  return Lenses(part).shared;
+}
+
+MarginalCovariance LensBundle::Lenses(const std::function<int(const BearingObservation&)>& part) {
   const auto is_free = [&](double* block) {
     return problem.HasParameterBlock(block) && !problem.IsParameterBlockConstant(block);
   };
@@ -162,13 +175,20 @@ Eigen::MatrixXd LensBundle::CovarianceOfLenses() {
   for (LensParameters& lens : lenses) {
     if (is_free(lens.data())) kept.push_back(lens.data());
   }
+  const int asked = kLensParameters * static_cast<int>(kept.size());
   for (PoseParameters& pose : poses_) {
     if (is_free(pose.data())) kept.push_back(pose.data());
   }
-  for (Eigen::Vector3d& point : points_) {
-    if (is_free(point.data())) points.push_back(point.data());
+  std::vector<std::vector<int>> groupings(part ? 2 : 0);
+  for (size_t j = 0; j < points_.size(); ++j) {
+    if (!is_free(points_[j].data())) continue;
+    points.push_back(points_[j].data());
+    if (!part) continue;
+    const auto first = static_cast<size_t>(first_[j]);
+    groupings[0].push_back(reconstruction_.image_of[first]);
+    groupings[1].push_back(part(reconstruction_.problem.observations[first]));
   }
-  return Marginalise(&problem, kept, points, {}).covariance;
+  return Marginalise(&problem, kept, points, groupings, asked);
 }
 
 }  // namespace trigpoint

@@ -8,6 +8,7 @@
 #include <functional>
 #include <vector>
 
+#include "calib/estimation/marginal_covariance.h"
 #include "localize/reconstruct/reconstruct.h"
 
 namespace trigpoint {
@@ -36,7 +37,13 @@ class LensBundle {
   // Half the sum of squares that is left. Throws NumericError.
   double Solve(int max_iterations);
   // Of the lenses that are free, in order; empty where images do not determine them.
-  Eigen::MatrixXd CovarianceOfLenses();
+  Eigen::MatrixXd CovarianceOfLenses() { return Lenses({}).covariance; }
+  // How many times larger the variance of these lenses is than if every observation erred for itself: what no lens of
+  // this model explains (rows that are read out one after another, another distortion) is common to a picture, or to a
+  // part of all pictures. `part`: of the picture that an observation lies in, a small number.
+  double SharedErrors(const std::function<int(const BearingObservation&)>& part);
+  // Observations count so many times less.
+  void Discount(double times);
 
   // Is more measured than is estimated, by so much that a few more parameters do not fit chance?
   bool IsRedundant() const { return problem.NumResiduals() - problem.NumParameters() >= kLeastRedundancy; }
@@ -48,9 +55,12 @@ class LensBundle {
 
  private:
   const Reconstruction& reconstruction_;
-  ceres::CauchyLoss loss_;
+  ceres::LossFunctionWrapper loss_;
   std::vector<PoseParameters> poses_;
   std::vector<Eigen::Vector3d> points_;
+  std::vector<int> first_;  // of each point: the first observation that was added, -1: none
+
+  MarginalCovariance Lenses(const std::function<int(const BearingObservation&)>& part);
 };
 
 // A point (odometry's frame, m) in the frame of a camera of the body.

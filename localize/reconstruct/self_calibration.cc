@@ -131,7 +131,16 @@ double LargestShift(const Camera& before, const Camera& after) {
   return largest;
 }
 
-std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconstruction& r, const LensPriors& priors) {
+// The ninth of its camera's picture that an observation lies in.
+int PartOfPicture(const LocalizeInput& input, const BearingObservation& o) {
+  const Camera& camera = input.cameras[static_cast<size_t>(o.view)].camera;
+  const Eigen::Vector2d pixel = camera.Project(o.ray.cast<double>()).value_or(Eigen::Vector2d::Zero());
+  const auto third = [](double at, int size) { return std::clamp(static_cast<int>(3 * at / size), 0, 2); };
+  return 9 * o.view + 3 * third(pixel.y(), camera.height()) + third(pixel.x(), camera.width());
+}
+
+std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconstruction& r, const LensPriors& priors,
+                                       bool guessed) {
   std::vector<Lens> lenses;
   for (const BodyCamera& c : input.cameras) lenses.push_back(LensOf(c.camera));
   LensBundle bundle(r, std::move(lenses));
@@ -148,6 +157,14 @@ std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconst
   bundle.AddMotion();
   AddLenses(priors, &bundle);
   bundle.Solve(50);
+  if (guessed) {
+    // Else a model that is wrong outvotes what was known before by its many points, which all err alike.
+    const double shared = bundle.SharedErrors([&](const BearingObservation& o) { return PartOfPicture(input, o); });
+    if (shared > 1) {
+      bundle.Discount(shared);
+      bundle.Solve(50);
+    }
+  }
 
   const Eigen::MatrixXd covariance = bundle.CovarianceOfLenses();
   if (covariance.size() == 0)
@@ -175,9 +192,9 @@ std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconst
 }
 
 std::vector<SelfCalibration> CalibrateAnyOf(const LocalizeInput& input, const Reconstruction& r,
-                                            const LensPriors& priors) {
+                                            const LensPriors& priors, bool guessed) {
   const bool any = std::any_of(priors.begin(), priors.end(), [](const auto& prior) { return prior.has_value(); });
-  return any ? Calibrate(input, r, priors) : std::vector<SelfCalibration>();
+  return any ? Calibrate(input, r, priors, guessed) : std::vector<SelfCalibration>();
 }
 
 }  // namespace
@@ -185,14 +202,14 @@ std::vector<SelfCalibration> CalibrateAnyOf(const LocalizeInput& input, const Re
 std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Reconstruction& r) {
   LensPriors priors;
   for (const BodyCamera& c : input.cameras) priors.push_back(GuessOf(c));
-  return CalibrateAnyOf(input, r, priors);
+  return CalibrateAnyOf(input, r, priors, true);
 }
 
 std::vector<SelfCalibration> ReviseLenses(const LocalizeInput& input, const Reconstruction& r,
                                           const std::vector<BodyCamera>& calibrated) {
   LensPriors priors;
   for (const BodyCamera& c : calibrated) priors.push_back(CalibrationOf(c));
-  return CalibrateAnyOf(input, r, priors);
+  return CalibrateAnyOf(input, r, priors, false);
 }
 
 namespace {
