@@ -21,8 +21,8 @@ struct MarginalCovariance {
 };
 
 // `kept` and `points` are free blocks, and the others of the problem are held; a point has three columns or less and
-// shares no residual with another point. `groupings`: each one number a point. `asked`: so many of the first tangents
-// kept are asked for `shared`; -1: all.
+// shares no residual with another point. `groupings`: each one number a point. `shared` is computed for the first
+// `asked` tangents kept; -1: for all.
 MarginalCovariance Marginalise(ceres::Problem* problem, const std::vector<double*>& kept,
                                const std::vector<double*>& points, const std::vector<std::vector<int>>& groupings,
                                int asked = -1);

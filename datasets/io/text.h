@@ -32,7 +32,7 @@ std::string NearestName(std::string_view name, const std::vector<std::string>& c
 std::string NearestHint(std::string_view name, const std::vector<std::string>& candidates,
                         const std::string& nearest = "nearest");
 
-std::string CommentLines(const std::vector<std::string>& comments);  // each behind "# "
+std::string CommentLines(const std::vector<std::string>& comments);  // each as a line after "# "
 
 // A word as a POSIX shell needs it: quoted only where it must be.
 std::string ShellWord(const std::string& word);

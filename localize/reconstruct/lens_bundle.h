@@ -38,11 +38,11 @@ class LensBundle {
   double Solve(int max_iterations);
   // Of the lenses that are free, in order; empty where images do not determine them.
   Eigen::MatrixXd CovarianceOfLenses() { return Lenses({}).covariance; }
-  // How many times larger the variance of these lenses is than if every observation erred for itself: what no lens of
-  // this model explains (rows that are read out one after another, another distortion) is common to a picture, or to a
-  // part of all pictures. `part`: of the picture that an observation lies in, a small number.
+  // The variance of these lenses over the one that independent errors would give, at least 1. Errors of the lens model
+  // are common to all points of a picture (a rolling shutter) or to all points in one part of the pictures (another
+  // distortion). `part`: the number of the part in which an observation lies.
   double SharedErrors(const std::function<int(const BearingObservation&)>& part);
-  // Observations count so many times less.
+  // Divides the squared errors of all observations by `times`.
   void Discount(double times);
 
   // Is more measured than is estimated, by so much that a few more parameters do not fit chance?

@@ -131,7 +131,7 @@ double LargestShift(const Camera& before, const Camera& after) {
   return largest;
 }
 
-// The ninth of its camera's picture that an observation lies in.
+// The ninth of its camera's picture in which an observation lies; numbers of all cameras differ.
 int PartOfPicture(const LocalizeInput& input, const BearingObservation& o) {
   const Camera& camera = input.cameras[static_cast<size_t>(o.view)].camera;
   const Eigen::Vector2d pixel = camera.Project(o.ray.cast<double>()).value_or(Eigen::Vector2d::Zero());
@@ -158,7 +158,7 @@ std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconst
   AddLenses(priors, &bundle);
   bundle.Solve(50);
   if (guessed) {
-    // Else a model that is wrong outvotes what was known before by its many points, which all err alike.
+    // Where the lens model is wrong, points err alike; counted as independent they would outvote the prior.
     const double shared = bundle.SharedErrors([&](const BearingObservation& o) { return PartOfPicture(input, o); });
     if (shared > 1) {
       bundle.Discount(shared);
