@@ -163,11 +163,7 @@ void LensBundle::Discount(double times) {
   loss_.Reset(scaled, ceres::TAKE_OWNERSHIP);
 }
 
-double LensBundle::SharedErrors(const std::function<int(const BearingObservation&)>& part) {
-  return Lenses(part).shared;
-}
-
-MarginalCovariance LensBundle::Lenses(const std::function<int(const BearingObservation&)>& part) {
+MarginalCovariance LensBundle::CovarianceOfLenses(const std::function<int(const BearingObservation&)>& part) {
   const auto is_free = [&](double* block) {
     return problem.HasParameterBlock(block) && !problem.IsParameterBlockConstant(block);
   };

@@ -36,12 +36,11 @@ class LensBundle {
 
   // Half the sum of squares that is left. Throws NumericError.
   double Solve(int max_iterations);
-  // Of the lenses that are free, in order; empty where images do not determine them.
-  Eigen::MatrixXd CovarianceOfLenses() { return Lenses({}).covariance; }
-  // The variance of these lenses over the one that independent errors would give, at least 1. Errors of the lens model
-  // are common to all points of a picture (a rolling shutter) or to all points in one part of the pictures (another
-  // distortion). `part`: the number of the part in which an observation lies.
-  double SharedErrors(const std::function<int(const BearingObservation&)>& part);
+  // Of the lenses that are free, in order, and of poses behind them; empty where images do not determine them. With
+  // `part`, the number of the part of the picture in which an observation lies, `shared` is the variance of the lenses
+  // over the one that independent errors would give, at least 1. Errors of the lens model are common to all points of a
+  // picture (a rolling shutter) or to all points in one part of the pictures (another distortion).
+  MarginalCovariance CovarianceOfLenses(const std::function<int(const BearingObservation&)>& part = {});
   // Divides the squared errors of all observations by `times`.
   void Discount(double times);
 
@@ -59,8 +58,6 @@ class LensBundle {
   std::vector<PoseParameters> poses_;
   std::vector<Eigen::Vector3d> points_;
   std::vector<int> first_;  // of each point: the first observation that was added, -1: none
-
-  MarginalCovariance Lenses(const std::function<int(const BearingObservation&)>& part);
 };
 
 // A point (odometry's frame, m) in the frame of a camera of the body.

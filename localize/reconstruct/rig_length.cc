@@ -277,7 +277,7 @@ struct Inverse {
 
 // The mean of the cameras that stand apart. Nothing where they do not show it.
 std::optional<Inverse> MeanOfCameras(const std::vector<size_t>& cameras, LensBundle* bundle) {
-  const Eigen::MatrixXd covariance = bundle->CovarianceOfLenses();
+  const Eigen::MatrixXd covariance = bundle->CovarianceOfLenses().covariance;
   const auto n = static_cast<Eigen::Index>(cameras.size());
   if (covariance.rows() < kLensParameters * n) return {};
   Eigen::MatrixXd joint(n, n);

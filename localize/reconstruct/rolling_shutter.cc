@@ -90,7 +90,7 @@ std::vector<ReadoutEstimate> EstimateReadout(const LocalizeInput& input, const R
   }
   if (!bundle.IsRedundant()) return {};
   bundle.Solve(kLensIterations);
-  const Eigen::MatrixXd covariance = bundle.CovarianceOfLenses();  // and of poses behind them
+  const Eigen::MatrixXd covariance = bundle.CovarianceOfLenses().covariance;  // and of poses behind them
   if (covariance.size() == 0) return {};
   for (size_t i = 0; i < estimates.size(); ++i) {
     ReadoutEstimate& e = estimates[i];

@@ -157,16 +157,16 @@ std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconst
   bundle.AddMotion();
   AddLenses(priors, &bundle);
   bundle.Solve(50);
-  if (guessed) {
+  using Part = std::function<int(const BearingObservation&)>;
+  MarginalCovariance known =
+      bundle.CovarianceOfLenses(guessed ? Part([&](const auto& o) { return PartOfPicture(input, o); }) : Part());
+  if (known.shared > 1) {
     // Where the lens model is wrong, points err alike; counted as independent they would outvote the prior.
-    const double shared = bundle.SharedErrors([&](const BearingObservation& o) { return PartOfPicture(input, o); });
-    if (shared > 1) {
-      bundle.Discount(shared);
-      bundle.Solve(50);
-    }
+    bundle.Discount(known.shared);
+    bundle.Solve(50);
+    known = bundle.CovarianceOfLenses();
   }
-
-  const Eigen::MatrixXd covariance = bundle.CovarianceOfLenses();
+  const Eigen::MatrixXd& covariance = known.covariance;
   if (covariance.size() == 0)
     throw NumericError(
         "the lens cannot be estimated: the images do not determine it; calibrate the camera (trigpoint calibrate)");
