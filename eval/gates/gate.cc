@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "eval/gates/more_data.h"
 #include "eval/text/json_values.h"
@@ -17,11 +18,17 @@ std::string Number(double value, const GateLimit& limit, const std::string& unit
   return fmt::format("{:.3g}{}", length ? value / metres : value, name.empty() ? "" : " " + name);
 }
 
+// An interval may have no end.
+std::string Ends(const Interval& interval, const GateLimit& limit, const std::string& unit, double metres) {
+  const std::string low = Number(interval.low, limit, unit, metres);
+  if (!std::isfinite(interval.high)) return "at least " + low;
+  return low + " to " + Number(interval.high, limit, unit, metres);
+}
+
 std::string Range(const GateResult& r, const std::string& unit, double metres) {
   if (r.measure.complete && r.measure.value) return "complete";
   if (!r.measure.interval) return "-";
-  return fmt::format("{} to {} ({:.3g} %)", Number(r.measure.interval->low, r.limit, unit, metres),
-                     Number(r.measure.interval->high, r.limit, unit, metres), 100 * r.measure.confidence);
+  return fmt::format("{} ({:.3g} %)", Ends(*r.measure.interval, r.limit, unit, metres), 100 * r.measure.confidence);
 }
 
 std::string Hint(const GateResult& r) {
@@ -44,8 +51,10 @@ std::string Message(const GateResult& r) {
   if (!m.value) return text + ": " + (m.reason.empty() ? "not evaluated" : m.reason);
   text += ": " + Number(*m.value, r.limit, "m", 1);
   if (m.interval) {
-    text += fmt::format(", {:.3g} % interval {:.3g} to {}", 100 * m.confidence, m.interval->low,
-                        Number(m.interval->high, r.limit, "m", 1));
+    const std::string confidence = fmt::format(", {:.3g} % interval ", 100 * m.confidence);
+    text += std::isfinite(m.interval->high)
+                ? confidence + fmt::format("{:.3g} to {}", m.interval->low, Number(m.interval->high, r.limit, "m", 1))
+                : confidence + "of " + Ends(*m.interval, r.limit, "m", 1);
   }
   if (m.n > 0) text += fmt::format(", n = {} {}", m.n, m.counted);
   if (!m.reason.empty()) text += "; " + m.reason;

@@ -302,17 +302,21 @@ class Page {
                 {{"gate"}, {"of"}, {"limit", true}, {"value", true}, {"interval"}, {"n", true}, {"verdict"}},
                 {}};
     const auto number = [](const json& v) { return v.is_number() ? fmt::format("{:.4g}", v.get<double>()) : ""; };
+    const auto ends = [&](const json& gate) -> std::string {
+      const json interval = gate.value("interval", json());
+      if (!interval.is_array()) return "";
+      const std::string low = number(interval[0]), high = number(interval[1]);
+      return fmt::format("{} ({:.0f} %)", high.empty() ? "at least " + low : low + " to " + high,
+                         100 * gate.value("confidence", 0.0));
+    };
     for (const json& gate : gates) {
       const std::string unit = gate.value("unit", ""), verdict = gate.value("verdict", "");
-      const json interval = gate.value("interval", json());
       table.rows.push_back({{gate.value("gate", "")},
                             {gate.value("of", "")},
                             {(gate.value("limit_is", "") == "most" ? "at most " : "at least ") + number(gate["limit"]) +
                              (unit.empty() ? "" : " " + unit)},
                             {number(gate["value"])},
-                            {interval.is_array() ? fmt::format("{} to {} ({:.0f} %)", number(interval[0]),
-                                                               number(interval[1]), 100 * gate.value("confidence", 0.0))
-                                                 : ""},
+                            {ends(gate)},
                             {gate.value("n", 0) > 0 ? std::to_string(gate.value("n", 0)) : ""},
                             {verdict,
                              {},

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "calib/base/error.h"
@@ -61,6 +62,11 @@ TEST(Gates, DecideByTheBoundNotThePoint) {
       HasSubstr("undecided: evaluate.max_median_m <= 0.2 m (panorama (G2), absolute, against the tag map): 0.1 m"));
   EXPECT_THAT(r.message, HasSubstr("95 % interval 0.025 to 0.4 m, n = 9 answers"));
   EXPECT_THAT(r.message, HasSubstr("about 27 more stations"));
+  const double none = std::numeric_limits<double>::infinity();
+  const GateResult open = JudgeEvaluation(WithIntervals(0.1, {0.025, none}), "evaluate.max_median_m", 0.2).at(0);
+  EXPECT_EQ(open.verdict, Verdict::kUndecided);
+  EXPECT_THAT(open.message, HasSubstr("0.1 m, 95 % interval of at least 0.025 m, n = 9 answers"));
+  EXPECT_THAT(FormatGates({open}), HasSubstr("at least 0.025 m (95 %)"));
 }
 
 TEST(Gates, WhatWasNotEvaluatedIsUndecided) {

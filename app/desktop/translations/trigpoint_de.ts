@@ -1720,6 +1720,10 @@
         <translation>%1-%-Intervall %2 bis %3</translation>
     </message>
     <message>
+        <source>%1 % interval of at least %2</source>
+        <translation>%1-%-Intervall von mindestens %2</translation>
+    </message>
+    <message>
         <source>n = %1</source>
         <translation>n = %1</translation>
     </message>
