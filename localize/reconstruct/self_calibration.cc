@@ -82,6 +82,7 @@ Camera WithFocal(const Camera& camera, double focal_px) {
 struct LensPrior {
   Lens value{}, sigma{};
   FixedLens fixed;
+  bool guessed = false;  // nobody calibrated it
 };
 using LensPriors = std::vector<std::optional<LensPrior>>;  // of each camera; none: it is held
 
@@ -92,7 +93,8 @@ std::optional<LensPrior> GuessOf(const BodyCamera& camera) {
   const double centre = kSigmaCentre * std::max(width, height);
   return LensPrior{{camera.guessed_focal_px, 0, 0, 0.5 * (width - 1), 0.5 * (height - 1)},
                    {camera.focal_sigma_share * camera.guessed_focal_px, kSigmaK1, kSigmaK2, centre, centre},
-                   {}};
+                   {},
+                   true};
 }
 
 // Of a calibration: each parameter may move the picture's corners by a share of half the diagonal.
@@ -139,8 +141,10 @@ int PartOfPicture(const LocalizeInput& input, const BearingObservation& o) {
   return 9 * o.view + 3 * third(pixel.y(), camera.height()) + third(pixel.x(), camera.width());
 }
 
-std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconstruction& r, const LensPriors& priors,
-                                       bool guessed) {
+// The lenses that `priors` let free.
+std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconstruction& r, const LensPriors& priors) {
+  const auto any = [&](const auto& which) { return std::any_of(priors.begin(), priors.end(), which); };
+  if (!any([](const auto& prior) { return prior.has_value(); })) return {};
   std::vector<Lens> lenses;
   for (const BodyCamera& c : input.cameras) lenses.push_back(LensOf(c.camera));
   LensBundle bundle(r, std::move(lenses));
@@ -158,6 +162,7 @@ std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconst
   AddLenses(priors, &bundle);
   bundle.Solve(50);
   using Part = std::function<int(const BearingObservation&)>;
+  const bool guessed = any([](const auto& prior) { return prior && prior->guessed; });
   MarginalCovariance known =
       bundle.CovarianceOfLenses(guessed ? Part([&](const auto& o) { return PartOfPicture(input, o); }) : Part());
   if (known.shared > 1) {
@@ -191,25 +196,19 @@ std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconst
   return found;
 }
 
-std::vector<SelfCalibration> CalibrateAnyOf(const LocalizeInput& input, const Reconstruction& r,
-                                            const LensPriors& priors, bool guessed) {
-  const bool any = std::any_of(priors.begin(), priors.end(), [](const auto& prior) { return prior.has_value(); });
-  return any ? Calibrate(input, r, priors, guessed) : std::vector<SelfCalibration>();
-}
-
 }  // namespace
 
 std::vector<SelfCalibration> SelfCalibrate(const LocalizeInput& input, const Reconstruction& r) {
   LensPriors priors;
   for (const BodyCamera& c : input.cameras) priors.push_back(GuessOf(c));
-  return CalibrateAnyOf(input, r, priors, true);
+  return Calibrate(input, r, priors);
 }
 
 std::vector<SelfCalibration> ReviseLenses(const LocalizeInput& input, const Reconstruction& r,
                                           const std::vector<BodyCamera>& calibrated) {
   LensPriors priors;
   for (const BodyCamera& c : calibrated) priors.push_back(CalibrationOf(c));
-  return CalibrateAnyOf(input, r, priors, false);
+  return Calibrate(input, r, priors);
 }
 
 namespace {
