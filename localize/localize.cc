@@ -223,7 +223,8 @@ EarthInput CollectEarth(const Task& task, const Localization& result) {
       o.position = g.position;
       o.has_height = g.sigma_v_m < kUnknownHeightSigma;
       if (!o.has_height) o.position.z() = 0;
-      o.sigma_h_m = g.sigma_h_m, o.sigma_v_m = g.sigma_v_m;
+      o.sigma_h_m = g.sigma_h_m, o.sigma_v_m = OwnHeightSigma(g.sigma_v_m, g.sigma_sea_m);
+      o.sigma_sea_m = g.sigma_sea_m;
       e.observations.push_back(o);
       e.poses.push_back(g.pose);
       e.references.push_back(-1);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <string>
 
 #include "calib/geometry/rigid3.h"
@@ -17,6 +18,11 @@ struct Geodetic {
 
 // 1 sigma of a height that nobody told, m.
 inline constexpr double kUnknownHeightSigma = 1e4;
+
+// 1 sigma of a height against others of its receiver, where `sigma_sea_m` of its sigma is an error that all share, m.
+inline double OwnHeightSigma(double sigma_v_m, double sigma_sea_m) {
+  return std::sqrt(sigma_v_m * sigma_v_m - sigma_sea_m * sigma_sea_m);
+}
 
 Eigen::Vector3d EcefFromGeodetic(const Geodetic& g);
 Geodetic GeodeticFromEcef(const Eigen::Vector3d& ecef);

@@ -128,7 +128,8 @@ GpsTrack ReadImagePositions(const Run& run) {
     const auto metadata = MetadataOf(image);
     if (!metadata || !metadata->position) continue;
     GpsFix fix{image.stamp_ns, *metadata->position, SigmaOf(*metadata), kUnknownHeightSigma};
-    if (metadata->has_height) fix.sigma_v_m = metadata->height_above_sea ? kUnknownGeoidSigma : kExifHeightSigma_m;
+    if (metadata->has_height) fix.sigma_v_m = kExifHeightSigma_m;
+    if (metadata->has_height && metadata->height_above_sea) CountFromSea(&fix);
     if (!track.fixes.empty()) {
       const Geodetic& last = track.fixes.back().position;
       if (fix.stamp_ns == track.fixes.back().stamp_ns ||
@@ -151,8 +152,8 @@ GpsTrack ReadImagePositions(const Run& run) {
       run.dir.string(), track.fixes.size(), stated, by_dilution, kExifPositionSigma_m));
   if (above_sea > 0) {
     track.warnings.push_back(fmt::format(
-        "{}: EXIF states heights above the sea for {} of them; they count with {:g} m (1 sigma), as the geoid is not "
-        "known",
+        "{}: EXIF states heights above the sea for {} of them; the height of the sea above the ellipsoid is not known, "
+        "so all of them share an error of {:g} m (1 sigma)",
         run.dir.string(), above_sea, kUnknownGeoidSigma));
   }
   return track;

@@ -236,7 +236,7 @@ class Telemetry {
       found.stamp_ns =
           std::llround(1e9 * (sample.begin_s + sample.length_s * static_cast<double>(k) / static_cast<double>(count)));
       found.position = {v[0], v[1], v[2]};
-      if (stream.above_sea) found.sigma_v_m = kUnknownGeoidSigma;
+      if (stream.above_sea) CountFromSea(&found);
       if (track_.fixes.empty() || found.stamp_ns > track_.fixes.back().stamp_ns) track_.fixes.push_back(found);
     }
   }

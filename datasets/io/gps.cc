@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
@@ -15,6 +16,25 @@ void CheckOnEarth(const Geodetic& p, const std::string& where) {
   if (std::abs(p.latitude_deg) <= 90 && std::abs(p.longitude_deg) <= 180 && std::isfinite(p.height_m)) return;
   throw InputError(where + ": expected a latitude of -90 to 90 and a longitude of -180 to 180 degrees, found " +
                    std::to_string(p.latitude_deg) + ", " + std::to_string(p.longitude_deg));
+}
+
+void CountFromSea(GpsFix* fix) {
+  fix->sigma_sea_m = kUnknownGeoidSigma;
+  fix->sigma_v_m = std::hypot(fix->sigma_v_m, kUnknownGeoidSigma);
+}
+
+std::optional<size_t> NearestToFix(const std::vector<int64_t>& stamps_ns, const GpsFix& fix) {
+  constexpr int64_t kLongestNs = 300'000'000;
+  const auto after = std::lower_bound(stamps_ns.begin(), stamps_ns.end(), fix.stamp_ns);
+  std::optional<size_t> nearest;
+  int64_t least = kLongestNs;
+  for (auto at = after == stamps_ns.begin() ? after : after - 1; at != stamps_ns.end() && at <= after; ++at) {
+    const int64_t away = std::llabs(*at - fix.stamp_ns);
+    if (away > least || (nearest && away == least)) continue;
+    least = away;
+    nearest = static_cast<size_t>(at - stamps_ns.begin());
+  }
+  return nearest;
 }
 
 void PutFixesInOrder(const std::filesystem::path& file, GpsTrack* track) {

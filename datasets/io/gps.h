@@ -23,11 +23,15 @@ struct RunClock {
 };
 
 // A height nobody measured is 0 with kUnknownHeightSigma; one above the sea, where nobody says how far the sea lies
-// from the ellipsoid (-107 to +86 m), is kept with this sigma.
+// from the ellipsoid (-107 to +86 m), is kept with this sigma, which is of one error that all fixes share.
 constexpr double kUnknownGeoidSigma = 50;
 
-// A fix says where a pose is that lies no farther from it in time.
-constexpr int64_t kLongestFromFixNs = 300'000'000;
+// Makes a fix whose height is above the sea, with the sigma that it has there, one above the ellipsoid.
+void CountFromSea(GpsFix* fix);
+
+// The one of ascending stamps that is nearest to a fix; none where it is more than 0.3 s away: the fix does not say
+// where that pose is.
+std::optional<size_t> NearestToFix(const std::vector<int64_t>& stamps_ns, const GpsFix& fix);
 
 // `timestamp_s` (on the run's clock), `latitude_deg`, `longitude_deg` [, `height_m`, `sigma_h_m`, `sigma_v_m`].
 GpsTrack ReadGpsCsv(const std::filesystem::path& file);

@@ -79,7 +79,7 @@ void FinishPoint(Parser* p) {
     fix.position.height_m = *height + *geoid;
   } else if (height) {
     fix.position.height_m = *height;
-    fix.sigma_v_m = kUnknownGeoidSigma;
+    CountFromSea(&fix);
     ++p->no_geoid;
   } else {
     fix.sigma_v_m = kUnknownHeightSigma;
@@ -139,7 +139,7 @@ GpsTrack ReadGpx(const std::filesystem::path& file, const RunClock& clock) {
   };
   warn_of(parser.times, "a time as 2026-05-12T09:43:20Z");
   warn_of(parser.places, "lat and lon in degrees");
-  warn(parser.no_geoid, "without geoid height; heights above the sea are kept with a sigma of 50 m");
+  warn(parser.no_geoid, "without geoid height; heights above the sea share an error of 50 m (1 sigma)");
   track.fixes = std::move(parser.fixes);
   for (GpsFix& fix : track.fixes) fix.stamp_ns -= clock.time_zero_utc_ns.value_or(0);
   PutFixesInOrder(file, &track);

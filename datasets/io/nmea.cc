@@ -133,7 +133,7 @@ void NmeaSentences::AddFix(const Fields& f) {
     entry.fix.position.height_m = *above_sea + *separation;
   } else if (above_sea) {
     entry.fix.position.height_m = *above_sea;
-    entry.fix.sigma_v_m = kUnknownGeoidSigma;
+    CountFromSea(&entry.fix);
     ++no_geoid_;
   } else {
     entry.fix.sigma_v_m = kUnknownHeightSigma;
@@ -190,7 +190,7 @@ std::vector<std::string> NmeaSentences::Warnings(const std::string& file) const 
        "with a wrong checksum skipped, the first on line " + std::to_string(first_bad_line_));
   warn(malformed_, "GGA sentence", "without a readable time and position skipped");
   warn(no_fix_, "GGA sentence", "without a fix");
-  warn(no_geoid_, "fix", "without geoid separation; heights above the sea get a sigma of 50 m", "fixes");
+  warn(no_geoid_, "fix", "without geoid separation; heights above the sea share an error of 50 m (1 sigma)", "fixes");
   return warnings;
 }
 
@@ -212,7 +212,7 @@ GpsTrack NmeaSentences::Track(const std::filesystem::path& file, const RunClock&
     const auto sigma = sigmas_.find(entry.day * kDayNs + fix.stamp_ns);
     if (sigma != sigmas_.end()) {
       fix.sigma_h_m = sigma->second.first;
-      if (fix.sigma_v_m < kUnknownGeoidSigma) fix.sigma_v_m = sigma->second.second;
+      if (fix.sigma_v_m < kUnknownHeightSigma) fix.sigma_v_m = std::hypot(sigma->second.second, fix.sigma_sea_m);
     }
     fix.stamp_ns += *first_day_ns + entry.day * kDayNs - clock.time_zero_utc_ns.value_or(0);
     track.fixes.push_back(fix);

@@ -65,6 +65,7 @@ struct GpsFix {
   Geodetic position;     // of the antenna, ellipsoidal height
   double sigma_h_m = 3;  // 1 sigma per horizontal axis
   double sigma_v_m = 5;
+  double sigma_sea_m = 0;  // what of sigma_v_m is the height of the sea above the ellipsoid: one error of all fixes
 };
 
 struct RunConfig {

@@ -1,7 +1,6 @@
 #include "localize/files/job.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -172,20 +171,16 @@ std::vector<GpsPlace> GpsPlaces(const Run& run, const LocalizeInput& input) {
   std::vector<GpsPlace> places;
   const int64_t gap = input.has_odometry ? LongestGap(run.odometry) : 0;
   for (const GpsFix& fix : run.gps) {
-    const auto it = std::lower_bound(input.pose_stamps.begin(), input.pose_stamps.end(), fix.stamp_ns);
-    size_t at = static_cast<size_t>(it - input.pose_stamps.begin());
-    if (at == input.pose_stamps.size() ||
-        (at > 0 && fix.stamp_ns - input.pose_stamps[at - 1] < input.pose_stamps[at] - fix.stamp_ns))
-      --at;
-    if (std::llabs(input.pose_stamps[at] - fix.stamp_ns) > kLongestFromFixNs) continue;
+    const auto at = NearestToFix(input.pose_stamps, fix);
+    if (!at) continue;
     GpsPlace g;
-    g.pose = static_cast<int>(at);
+    g.pose = static_cast<int>(*at);
     g.arm_m = run.config.gps_lever_arm_m;
     // The pose is that of an image: the run has moved between its time and the fix's.
     if (const auto then = input.has_odometry ? run.odometry.At(fix.stamp_ns, gap) : std::nullopt)
-      g.arm_m = input.odom_from_body[at].Inverse() * (*then * g.arm_m);
+      g.arm_m = input.odom_from_body[*at].Inverse() * (*then * g.arm_m);
     g.position = input.frame.EnuFromGeodetic(fix.position);
-    g.sigma_h_m = fix.sigma_h_m, g.sigma_v_m = fix.sigma_v_m;
+    g.sigma_h_m = fix.sigma_h_m, g.sigma_v_m = fix.sigma_v_m, g.sigma_sea_m = fix.sigma_sea_m;
     g.stamp_ns = fix.stamp_ns;
     places.push_back(g);
   }

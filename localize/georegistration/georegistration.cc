@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 
+#include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/geo/unit_of_length.h"
 #include "calib/geometry/alignment.h"
@@ -130,6 +131,7 @@ class EarthFit {
     Eigen::MatrixXd weight;                    // inverse covariance of the rows
   };
   System Build(const Sim3d& s, const EarthSolution& weights) const;
+  Eigen::VectorXd SeaSigmas(const std::vector<std::pair<size_t, int>>& rows) const;
   void AddPrior(const Sim3d& s, Matrix7d* h, Vector7d* g) const;
   double PriorCost(const Sim3d& s) const;
   void Weigh(const System& system, EarthSolution* solution) const;
@@ -184,7 +186,8 @@ double EarthFit::Plausibility(const Sim3d& s) const {
     const Rows rows = Evaluate(o, s);
     double sp = 0, sa = 0;
     for (int k = 0; k < 6; ++k) {
-      if (rows.sigma(k) > 0) (k < 3 ? sp : sa) += std::pow(rows.r(k) / (rows.sigma(k) + (k < 3 ? 0.1 : 0.005)), 2);
+      const double slack = k < 2 ? 0.1 : k == 2 ? 0.1 + o.sigma_sea_m : 0.005;
+      if (rows.sigma(k) > 0) (k < 3 ? sp : sa) += std::pow(rows.r(k) / (rows.sigma(k) + slack), 2);
     }
     cost += options_.loss_chi2 * (std::log1p(sp / options_.loss_chi2) + std::log1p(sa / options_.loss_chi2));
   }
@@ -234,6 +237,15 @@ std::vector<Sim3d> EarthFit::Guesses() const {
   return sorted;
 }
 
+// Of each row, 0 where it is no height above the sea.
+Eigen::VectorXd EarthFit::SeaSigmas(const std::vector<std::pair<size_t, int>>& rows) const {
+  Eigen::VectorXd sea(static_cast<Eigen::Index>(rows.size()));
+  for (size_t k = 0; k < rows.size(); ++k) {
+    sea(static_cast<Eigen::Index>(k)) = rows[k].second == 2 ? obs_[rows[k].first].sigma_sea_m : 0;
+  }
+  return sea;
+}
+
 EarthFit::System EarthFit::Build(const Sim3d& s, const EarthSolution& weights) const {
   System system;
   std::vector<Rows> all;
@@ -276,6 +288,8 @@ EarthFit::System EarthFit::Build(const Sim3d& s, const EarthSolution& weights) c
   }
   system.own = covariance.diagonal();
   covariance.diagonal() += variance;
+  const Eigen::VectorXd sea = SeaSigmas(system.rows);
+  covariance += sea * sea.transpose();
   system.weight = covariance.llt().solve(Eigen::MatrixXd::Identity(m, m));
   return system;
 }
@@ -290,10 +304,23 @@ void EarthFit::Weigh(const System& system, EarthSolution* solution) const {
   solution->position_rows.assign(n, 0);
   std::vector<Rows> now;
   for (const GeoObservation& o : obs_) now.push_back(Evaluate(o, solution->s));
+  const Eigen::VectorXd sea = SeaSigmas(system.rows);
+  const auto variance = [&](size_t k) {
+    const auto [i, row] = system.rows[k];
+    return now[i].sigma(row) * now[i].sigma(row) + system.own(static_cast<Eigen::Index>(k));
+  };
+  // Where the sea lies, in its sigmas, by all heights above it: what is left of each is its own error.
+  double information = 1, sum = 0;
   for (size_t k = 0; k < system.rows.size(); ++k) {
     const auto [i, row] = system.rows[k];
-    const double sigma = now[i].sigma(row);
-    const double e2 = now[i].r(row) * now[i].r(row) / (sigma * sigma + system.own(static_cast<Eigen::Index>(k)));
+    const double by = solution->w_position[i] * sea(static_cast<Eigen::Index>(k)) / variance(k);
+    information += by * sea(static_cast<Eigen::Index>(k));
+    sum += by * now[i].r(row);
+  }
+  for (size_t k = 0; k < system.rows.size(); ++k) {
+    const auto [i, row] = system.rows[k];
+    const double left = now[i].r(row) - sea(static_cast<Eigen::Index>(k)) * sum / information;
+    const double e2 = left * left / variance(k);
     (row < 3 ? solution->position_chi2 : solution->attitude_chi2)[i] += e2;
     if (row < 3) ++solution->position_rows[i];
     if (row == 3) solution->heading_chi2[i] = e2, solution->heading_rad[i] = now[i].r(row);
@@ -479,9 +506,14 @@ struct OtherScale {
   bool IsSaid() const { return Excess() > 2.58; }
   // Of odometry's scale in the fit that is used.
   double UsedSigma(double scale_prior) const {
-    return IsSure() ? scale_prior : Excess() * std::max(kLeastScaleSigma, stated_sigma);
+    return IsSure() ? scale_prior : std::max(kLeastScaleSigma, stated_sigma);
   }
-  double LeastSigma() const { return IsSure() ? 0.5 * std::abs(factor - 1) : 0; }
+  // Of the scale that is used, a multiple of odometry's: either of the two is right with a probability of one half
+  // (Birge's ratio, if both have one sigma). A wrong calibration bends a run so that geotags agree under a wrong scale.
+  double LeastVariance(double used) const {
+    if (IsSure()) return 0.25 * std::pow(factor - 1, 2);
+    return 0.5 * (std::pow(used - 1, 2) + std::pow(used - factor, 2));
+  }
   // How many of its sigmas the disagreement is.
   double Excess() const { return std::abs(factor - 1) / std::hypot(sigma, stated_sigma); }
   std::string Describe() const {
@@ -524,17 +556,16 @@ std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::v
   return scale;
 }
 
-// The scale's sigma becomes `times` as large, and `least` at least; what depends on the scale follows. What makes
-// lengths disagree bends a run as much as it stretches it, so that the turn in plan about the same point becomes
-// uncertain by as many radians as the scale by parts.
-void WidenScale(double scale, double times, double least, Matrix7d* covariance) {
+// The scale's variance becomes `least` at least; what depends on the scale follows. What makes lengths disagree bends a
+// run as much as it stretches it, so that the turn in plan about the same point becomes uncertain by as many radians as
+// the scale by parts.
+void WidenScale(double scale, double least, Matrix7d* covariance) {
   const double variance = (*covariance)(6, 6);
+  if (least <= variance) return;
   const Vector7d stretch = covariance->col(6) / variance;
   Vector7d turn = Vector7d::Zero();
   turn(2) = 1 / scale, turn(3) = -stretch(4), turn(4) = stretch(3);
-  times = std::max(times, least / std::sqrt(variance));
-  if (times <= 1) return;
-  *covariance += (times * times - 1) * variance * (stretch * stretch.transpose() + turn * turn.transpose());
+  *covariance += (least - variance) * (stretch * stretch.transpose() + turn * turn.transpose());
 }
 
 // The run's turn by positions alone differs from that by all by more than chance: in plan, where headings take part, or
@@ -611,6 +642,18 @@ std::string NoDirection(const std::vector<GeoObservation>& obs) {
       "is not known; expected positions more than {} m apart, or a geotag with a heading",
       positions, positions == 1 ? "" : "s",
       positions == 1 ? "is there" : fmt::format("lie within {} m of each other", kApart_m), kApart_m);
+}
+
+// A fit whose turn is nearly unknown: its covariance, which describes small turns, says nothing. Empty: it is known.
+std::string DirectionUnknown(const GeoRegistration& fit, size_t observations) {
+  constexpr double kMost_rad = 0.5;
+  const double sigma = std::sqrt(fit.covariance(2, 2));
+  if (sigma < kMost_rad) return "";
+  return fmt::format(
+      "{} (geotags, GPS fixes) lie too near each other, given their errors, to show the run's direction (1 sigma "
+      "{:.0f} "
+      "deg); expected positions farther apart, or a geotag with a heading",
+      Counted(static_cast<int64_t>(observations), "position", "positions"), std::min(180.0, sigma * kRadToDeg));
 }
 
 // How far positions are off, squared and over what their sigmas allow.
@@ -716,14 +759,14 @@ std::string ShapeContradiction(size_t geotags, double factor) {
 }
 
 // What is to be known about a fit that is used.
-std::string Remarks(const std::optional<OtherScale>& other, const std::vector<OtherTurn>& turns, double excess,
-                    double enlarged) {
+std::string Remarks(const std::optional<OtherScale>& other, const std::vector<OtherTurn>& turns, double enlarged) {
   std::string reason;
   if (other && other->IsSaid()) {
-    reason = other->Describe() + (excess > 1 ? ", or check the geotags; the scale lies between odometry's and the "
-                                               "geotags', and its sigma covers both"
-                                             : ", or check the geotags and the calibration; the scale is taken from "
-                                               "the geotags, with half of the disagreement as its sigma");
+    reason =
+        other->Describe() + (!other->IsSure() ? ", or check the geotags; the scale lies between odometry's and the "
+                                                "geotags', and its sigma covers both"
+                                              : ", or check the geotags and the calibration; the scale is taken from "
+                                                "the geotags, with half of the disagreement as its sigma");
   }
   const auto add = [&](const std::string& said) { reason += (reason.empty() ? "" : "; ") + said; };
   for (const OtherTurn& turn : turns) add(turn.Describe());
@@ -776,14 +819,12 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
     result.reason = other->Describe();
     return result;
   }
-  // Either odometry's scale is off or a geotag is. Where the disagreement is small, both are believed less by the
-  // factor that makes them agree (Birge's ratio, as in adjustments of constants). Where it is large, the geotags are
-  // believed, but a wrong calibration bends a run so that they seem to agree: the sigma still reaches half way back.
-  const double excess = other && !other->IsSure() ? other->Excess() : 1;
+  // Odometry's scale is off, or a geotag. Little: either may be, and the sigma covers both. Much: the geotags are
+  // believed, with a sigma that still reaches half way back.
   const double used_sigma = other ? other->UsedSigma(scale_prior) : scale_sigma;
   const EarthFit used(obs, odom_covariance, scale_prior, used_sigma, tilt_sigma, options);
   if (other) {
-    solutions = excess > 1 ? SolveFromStarts(used, used.Guesses(), obs) : free;
+    solutions = other->IsSure() ? free : SolveFromStarts(used, used.Guesses(), obs);
     best = Best(solutions);
   }
   result.iterations = best->iterations;
@@ -801,13 +842,15 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   const std::vector<OtherTurn> turns = FindOtherTurns(*best, obs, [&](const std::vector<GeoObservation>& less) {
     return EarthFit(less, odom_covariance, scale_prior, used_sigma, tilt_sigma, options).SolveNear(best->s);
   });
-  result.reason = Remarks(other, turns, excess, enlarged.factor);
-  result.solved = true;
   used.Describe(*best, &result);
-  WidenScale(best->s.scale, excess, other ? scale_prior * other->LeastSigma() : 0, &result.covariance);
+  const double least = other ? other->LeastVariance(best->s.scale / scale_prior) : 0;
+  WidenScale(best->s.scale, scale_prior * scale_prior * least, &result.covariance);
   WidenTurns(turns, &result.covariance);
   // The run's shape may be what is wrong: it takes up a part of the errors, and bends what lies between the geotags.
   result.covariance *= enlarged.factor * enlarged.factor;
+  result.reason = DirectionUnknown(result, obs.size());
+  result.solved = result.reason.empty();
+  if (result.solved) result.reason = Remarks(other, turns, enlarged.factor);
   return result;
 }
 

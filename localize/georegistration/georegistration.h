@@ -45,7 +45,8 @@ struct GeoObservation {
   bool has_tilt = false;
   Attitude attitude;  // said, of the rig's optical axis
   double sigma_h_m = 1, sigma_v_m = 1, sigma_heading_rad = 1, sigma_tilt_rad = 1;
-  std::string source;  // service that it is from; empty: none, and its sigmas are the user's statement
+  double sigma_sea_m = 0;  // beside sigma_v_m: of the one error that all such heights share
+  std::string source;      // service that it is from; empty: none, and its sigmas are the user's statement
 };
 
 // What the run shows of the positions of one source.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <set>
 
 #include "calib/base/error.h"
@@ -230,11 +231,14 @@ void Fitter::AddGeotags(const GeoStart& start, WorldFit* fit) {
 
 void Fitter::AddGps(const std::vector<GpsPlace>& gps, WorldFit* fit) {
   const std::vector<double> weights = GpsWeights(gps, options_.gps_correlation_s);
+  const double root_sum = std::sqrt(std::max(1.0, std::accumulate(weights.begin(), weights.end(), 0.0)));
   for (size_t i = 0; i < gps.size(); ++i) {
     const GpsPlace& g = gps[i];
     if (!(weights[i] > 0)) continue;
     const double root = std::sqrt(weights[i]);
-    const double v = g.sigma_v_m < kUnknownHeightSigma ? root / g.sigma_v_m : 0;
+    // An error that all heights share counts once, however many fixes there are.
+    const double root_v = g.sigma_sea_m > 0 ? root / root_sum : root;
+    const double v = g.sigma_v_m < kUnknownHeightSigma ? root_v / g.sigma_v_m : 0;
     PoseFactor& f = AddPlace(PoseFactor::Kind::kPosition, g.pose, Rigid3d(Eigen::Quaterniond::Identity(), g.position),
                              Rows(0, 0, 0, root / g.sigma_h_m, root / g.sigma_h_m, v));
     f.arm = g.arm_m;

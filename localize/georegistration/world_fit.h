@@ -22,8 +22,8 @@ constexpr double kLevelled_rad = 0.05 * kDegToRad;  // 1 sigma of the tilt of an
 struct GpsPlace {
   int pose = 0;  // nearest body pose
   Eigen::Vector3d arm_m = Eigen::Vector3d::Zero();
-  Eigen::Vector3d position;  // world, m
-  double sigma_h_m = 3, sigma_v_m = 5;
+  Eigen::Vector3d position;                              // world, m
+  double sigma_h_m = 3, sigma_v_m = 5, sigma_sea_m = 0;  // as GpsFix
   int64_t stamp_ns = 0;
 };
 

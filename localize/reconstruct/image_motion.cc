@@ -4,13 +4,14 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <cstdlib>
+#include <cmath>
 #include <fstream>
 #include <map>
 #include <set>
 
 #include "calib/base/error.h"
 #include "calib/base/median.h"
+#include "calib/estimation/ransac.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/alignment.h"
 #include "datasets/io/camchain.h"
@@ -57,26 +58,25 @@ Fixed FixedPlaces(const std::vector<GpsFix>& gps, const std::vector<TimedPose>& 
   Fixed places;
   if (gps.empty()) return places;
   const LocalFrame frame(gps.front().position);
+  std::vector<int64_t> stamps;
+  for (const TimedPose& pose : motion) stamps.push_back(pose.stamp_ns);
   for (const GpsFix& fix : gps) {
-    const auto near = std::min_element(motion.begin(), motion.end(), [&](const TimedPose& a, const TimedPose& b) {
-      return std::llabs(a.stamp_ns - fix.stamp_ns) < std::llabs(b.stamp_ns - fix.stamp_ns);
-    });
-    if (near == motion.end() || std::llabs(near->stamp_ns - fix.stamp_ns) > kLongestFromFixNs) continue;
-    places.found.push_back(near->target_from_body.translation);
+    const auto near = NearestToFix(stamps, fix);
+    if (!near) continue;
+    places.found.push_back(motion[*near].target_from_body.translation);
     places.said.push_back(frame.EnuFromGeodetic(fix.position));
     places.fixes.push_back(fix);
   }
   return places;
 }
 
-// Of a fix's height against those of the same receiver: how far the sea lies from the ellipsoid is the same for all.
-double RelativeHeightSigma(const GpsFix& fix) {
-  return fix.sigma_v_m == kUnknownGeoidSigma ? 2 * fix.sigma_h_m : fix.sigma_v_m;
-}
+double SigmaOfHeight(const GpsFix& fix) { return OwnHeightSigma(fix.sigma_v_m, fix.sigma_sea_m); }
 
-std::optional<Sim3d> FitTo(const Fixed& places, const std::vector<size_t>& which) {
+std::optional<Sim3d> FitTo(const Fixed& places, const std::vector<int>& which) {
   std::vector<Eigen::Vector3d> found, said;
-  for (size_t i : which) found.push_back(places.found[i]), said.push_back(places.said[i]);
+  for (int i : which) {
+    found.push_back(places.found[static_cast<size_t>(i)]), said.push_back(places.said[static_cast<size_t>(i)]);
+  }
   try {
     return AlignPoints(found, said, AlignmentKind::kSim3);
   } catch (const NumericError&) {
@@ -84,35 +84,20 @@ std::optional<Sim3d> FitTo(const Fixed& places, const std::vector<size_t>& which
   }
 }
 
-// Squared errors of a fit over what the fixes' sigmas allow.
-std::vector<double> SquaredErrors(const Fixed& places, const Sim3d& fit) {
-  std::vector<double> errors;
-  for (size_t i = 0; i < places.found.size(); ++i) {
+// The fixes that agree with one of the fits to three of them.
+std::vector<int> Agreeing(const Fixed& places) {
+  RansacOptions options;
+  options.threshold = std::sqrt(16.3);  // sigmas: 99.9 %, three degrees of freedom
+  const auto fit_to = [&](const std::vector<int>& three) {
+    const auto fit = FitTo(places, three);
+    return fit ? std::vector{*fit} : std::vector<Sim3d>();
+  };
+  const auto sigmas_off = [&](const Sim3d& fit, int k) {
+    const auto i = static_cast<size_t>(k);
     const Eigen::Vector3d off = fit * places.found[i] - places.said[i];
-    errors.push_back(off.head<2>().squaredNorm() / std::pow(places.fixes[i].sigma_h_m, 2) +
-                     std::pow(off.z() / RelativeHeightSigma(places.fixes[i]), 2));
-  }
-  return errors;
-}
-
-// The fixes that agree with the best of the fits to three of them.
-std::vector<size_t> Agreeing(const Fixed& places) {
-  constexpr double kChi2 = 16.3;  // 99.9 %, three degrees of freedom
-  const size_t n = places.found.size();
-  std::vector<double> best;
-  for (size_t i = 0; i < n; ++i) {
-    for (size_t step = 1; step <= n / 3; step = 2 * step) {
-      const auto fit = FitTo(places, {i, (i + step) % n, (i + n / 3 + step) % n});
-      if (!fit) continue;
-      std::vector<double> errors = SquaredErrors(places, *fit);
-      if (best.empty() || Median(errors) < Median(best)) best = std::move(errors);
-    }
-  }
-  std::vector<size_t> agree;
-  for (size_t i = 0; i < best.size(); ++i) {
-    if (best[i] < kChi2) agree.push_back(i);
-  }
-  return agree;
+    return std::hypot(off.head<2>().norm() / places.fixes[i].sigma_h_m, off.z() / SigmaOfHeight(places.fixes[i]));
+  };
+  return Ransac<Sim3d, 3>(static_cast<int>(places.found.size()), options, fit_to, sigmas_off).inliers;
 }
 
 }  // namespace
@@ -137,15 +122,16 @@ std::optional<Eigen::Vector3d> UpByGps(const std::vector<GpsFix>& gps, const std
   const bool heights = std::all_of(places.fixes.begin(), places.fixes.end(),
                                    [](const GpsFix& fix) { return fix.sigma_v_m < kUnknownHeightSigma; });
   if (!heights) return {};
-  const std::vector<size_t> agree = Agreeing(places);
+  const std::vector<int> agree = Agreeing(places);
   if (agree.size() < kLeast || 2 * agree.size() <= places.found.size()) return {};
   const auto fit = FitTo(places, agree);
   if (!fit) return {};
   Eigen::Vector2d middle = Eigen::Vector2d::Zero();
-  for (size_t i : agree) middle += places.said[i].head<2>() / static_cast<double>(agree.size());
+  for (int i : agree) middle += places.said[static_cast<size_t>(i)].head<2>() / static_cast<double>(agree.size());
   Eigen::Matrix2d information = Eigen::Matrix2d::Zero();  // of the slopes to east and north, by heights
-  for (size_t i : agree) {
-    const Eigen::Vector2d apart = (places.said[i].head<2>() - middle) / RelativeHeightSigma(places.fixes[i]);
+  for (int k : agree) {
+    const auto i = static_cast<size_t>(k);
+    const Eigen::Vector2d apart = (places.said[i].head<2>() - middle) / SigmaOfHeight(places.fixes[i]);
     information += apart * apart.transpose();
   }
   const double least = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(information).eigenvalues()(0);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 #include "calib/geo/geodetic.h"
 #include "datasets/io/camchain.h"
@@ -47,14 +46,10 @@ void AddGps(const Project& project, const Run& run, SurveyRun* survey) {
   std::sort(stamps.begin(), stamps.end());
   stamps.erase(std::unique(stamps.begin(), stamps.end()), stamps.end());
   for (const GpsFix& fix : run.gps) {
-    auto at = std::lower_bound(stamps.begin(), stamps.end(), fix.stamp_ns);
-    if (at == stamps.end() || (at != stamps.begin() && fix.stamp_ns - *(at - 1) < *at - fix.stamp_ns)) {
-      if (at == stamps.begin()) continue;
-      --at;
-    }
-    if (std::llabs(*at - fix.stamp_ns) > kLongestFromFixNs) continue;
-    survey->gps.push_back(
-        {*at, run.config.gps_lever_arm_m, project.frame().EnuFromGeodetic(fix.position), fix.sigma_h_m, fix.sigma_v_m});
+    const auto at = NearestToFix(stamps, fix);
+    if (!at) continue;
+    survey->gps.push_back({stamps[*at], run.config.gps_lever_arm_m, project.frame().EnuFromGeodetic(fix.position),
+                           fix.sigma_h_m, fix.sigma_v_m, fix.sigma_sea_m});
   }
 }
 

@@ -433,13 +433,14 @@ void MapSolver::CompareDatums() {
       const auto body = path.At(fix.stamp_ns, static_cast<int64_t>(5 * 1e9));
       if (!body) continue;
       its.emplace_back(fix.world_m - *body * fix.arm_m);
-      its_sigma.emplace_back(fix.sigma_h_m, fix.sigma_h_m, fix.sigma_v_m);
+      its_sigma.emplace_back(fix.sigma_h_m, fix.sigma_h_m, OwnHeightSigma(fix.sigma_v_m, fix.sigma_sea_m));
     }
     if (its.empty()) continue;
     const double span = 1e-9 * static_cast<double>(fixes.back().stamp_ns - fixes.front().stamp_ns);
     const double widen = std::sqrt(static_cast<double>(its.size()) / std::max(1.0, span / kGpsCorrelation_s));
     for (Eigen::Vector3d& s : its_sigma) s *= std::max(1.0, widen);
-    const DatumShift mean = RobustMean(its, its_sigma);
+    DatumShift mean = RobustMean(its, its_sigma);
+    mean.sigma_m.z() = std::hypot(mean.sigma_m.z(), fixes.front().sigma_sea_m);
     values.push_back(mean.stated_minus_map_m);
     sigmas.push_back(mean.sigma_m);
   }

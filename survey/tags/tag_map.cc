@@ -510,12 +510,14 @@ void MapSolver::AddFixes() {
     const double span = 1e-9 * static_cast<double>(fixes.back().stamp_ns - fixes.front().stamp_ns);
     const double independent = std::max(1.0, span / kGpsCorrelation_s);
     const double widen = std::sqrt(std::max(1.0, static_cast<double>(fixes.size()) / independent));
+    const double once = std::sqrt(static_cast<double>(fixes.size()));
     for (const SurveyFix& fix : fixes) {
       const int f = FrameAt(start_, static_cast<int>(r), fix.stamp_ns);
       if (f < 0 || frame_unknown_[static_cast<size_t>(f)] < 0) continue;
       Add(Kind::kFix, 0,
-          new PointCost(fix.arm_m, Eigen::Vector3d::Zero(), fix.world_m,
-                        widen * Eigen::Vector3d(fix.sigma_h_m, fix.sigma_h_m, fix.sigma_v_m)),
+          new PointCost(
+              fix.arm_m, Eigen::Vector3d::Zero(), fix.world_m,
+              {widen * fix.sigma_h_m, widen * fix.sigma_h_m, (fix.sigma_sea_m > 0 ? once : widen) * fix.sigma_v_m}),
           &geotag_loss_, {frame_unknown_[static_cast<size_t>(f)]});
     }
   }

@@ -34,7 +34,7 @@ struct SurveyFix {
   int64_t stamp_ns = 0;
   Eigen::Vector3d arm_m = Eigen::Vector3d::Zero();  // antenna in the body frame
   Eigen::Vector3d world_m = Eigen::Vector3d::Zero();
-  double sigma_h_m = 3, sigma_v_m = 5;
+  double sigma_h_m = 3, sigma_v_m = 5, sigma_sea_m = 0;  // as GpsFix
 };
 
 // One run of pictures, or a set of hand-held stills.

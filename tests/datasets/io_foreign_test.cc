@@ -212,7 +212,8 @@ TEST_F(ExifPositions, OfARunAreItsTrack) {
     EXPECT_EQ(run.gps[fix].stamp_ns, run.images[image].stamp_ns);
     EXPECT_NEAR(run.gps[fix].position.latitude_deg, 48 + north_m[image] / 30.887 / 3600, 1e-8);
     EXPECT_EQ(run.gps[fix].sigma_h_m, image == 4 ? 2 : kExifPositionSigma_m);
-    EXPECT_EQ(run.gps[fix].sigma_v_m, kUnknownGeoidSigma);
+    EXPECT_EQ(run.gps[fix].sigma_sea_m, kUnknownGeoidSigma);
+    EXPECT_NEAR(OwnHeightSigma(run.gps[fix].sigma_v_m, kUnknownGeoidSigma), 10, 1e-9);
   }
   EXPECT_THAT(Joined(run.warnings), HasSubstr("walk: no GPS file; 4 positions are from the EXIF of the images, 1 with "
                                               "the error stated there, else 5 m (1 sigma)"));

@@ -179,8 +179,10 @@ TEST(NmeaTrack, CrossesMidnightWithItsDate) {
   EXPECT_EQ(track.fixes[0].sigma_h_m, GpsFix().sigma_h_m);
   EXPECT_NEAR(track.fixes[1].sigma_h_m, std::sqrt((0.09 + 0.16) / 2), 1e-12);
   EXPECT_EQ(track.fixes[1].sigma_v_m, 0.9);
+  EXPECT_EQ(track.fixes[1].sigma_sea_m, 0);
   EXPECT_EQ(track.fixes[2].sigma_h_m, 0.02);
-  EXPECT_EQ(track.fixes[2].sigma_v_m, kUnknownGeoidSigma);
+  EXPECT_EQ(track.fixes[2].sigma_sea_m, kUnknownGeoidSigma);
+  EXPECT_NEAR(OwnHeightSigma(track.fixes[2].sigma_v_m, kUnknownGeoidSigma), 0.04, 1e-9);
   EXPECT_THAT(Joined(track.warnings), HasSubstr("1 fix without geoid separation"));
 }
 
@@ -234,7 +236,7 @@ TEST(GpxTrack, ReadsTimedPoints) {
   EXPECT_EQ(track.fixes[0].stamp_ns, kSecond);
   EXPECT_EQ(track.fixes[1].stamp_ns, 5 * kSecond / 2);
   EXPECT_NEAR(track.fixes[0].position.height_m, 237.9, 1e-9);
-  EXPECT_EQ(track.fixes[1].sigma_v_m, kUnknownGeoidSigma);
+  EXPECT_EQ(track.fixes[1].sigma_sea_m, kUnknownGeoidSigma);
   const std::string warnings = Joined(track.warnings);
   EXPECT_THAT(warnings, HasSubstr("1 track point without a time"));
   EXPECT_THAT(warnings,
@@ -403,7 +405,7 @@ TEST(GoPro, TheTrackIsReadFromTheVideo) {
           .fixes.empty());
   EXPECT_EQ(ReadGoProGps(dir.Write("c.mp4", GoProVideo(Klv("GPSA", 'F', 4, "MSLV") + scale, gps5, "GPS5", 'l', 20, 4)))
                 .fixes.at(0)
-                .sigma_v_m,
+                .sigma_sea_m,
             kUnknownGeoidSigma);
   EXPECT_TRUE(ReadGoProGps(dir.Write("d.mp4", Box("ftyp", "isom") + Box("moov", Box("trak", "")))).fixes.empty());
   EXPECT_TRUE(ReadGoProGps(dir.Write("e.avi", "RIFF....AVI LIST........")).fixes.empty());

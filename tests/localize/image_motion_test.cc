@@ -63,7 +63,7 @@ TEST(UpByGps, IsThatOfMostFixes) {
     pose.target_from_body.translation = {-level.z(), level.y(), level.x()};
   }
   // The sea may lie 50 m from the ellipsoid, but everywhere by the same. One fix is kilometres off.
-  for (GpsFix& fix : strips.gps) fix.sigma_v_m = kUnknownGeoidSigma;
+  for (GpsFix& fix : strips.gps) CountFromSea(&fix);
   strips.gps[3].position.latitude_deg += 0.05;
   ASSERT_TRUE(UpByGps(strips.gps, strips.motion));
   EXPECT_NEAR(UpByGps(strips.gps, strips.motion)->x(), -1, 1e-3);

@@ -217,6 +217,25 @@ TEST(WorldFit, GpsThatWanders) {
   EXPECT_GT(nees, 4);
 }
 
+// However many fixes there are, they do not show how far the sea lies from the ellipsoid.
+TEST(WorldFit, HeightsAboveTheSeaCountOnce) {
+  constexpr double kSea_m = 50;
+  Random random(9);
+  Drive drive = MakeDrive(9);
+  AddGps(&random, &drive);
+  for (GpsPlace& g : drive.gps) {
+    g.position.z() += 41;
+    g.sigma_v_m = std::hypot(g.sigma_v_m, kSea_m), g.sigma_sea_m = kSea_m;
+  }
+  drive.start.registration.solved = true;
+  drive.start.registration.world_from_odom = Sim3d{1, Truth(0).rotation, Truth(0).translation};
+  const Outcome outcome = Fit(&drive);
+  ASSERT_TRUE(outcome.fit.solved);
+  const BundleCovariance covariance(drive.problem, 1, CancelToken());
+  const Eigen::MatrixXd of_frame = covariance.Joint({outcome.fit.frame});
+  EXPECT_NEAR(std::sqrt(of_frame(5, 5)), kSea_m, 0.1 * kSea_m);
+}
+
 TEST(WorldFit, TagThatWasMovedIsLeftOut) {
   Random random(7);
   Drive drive = MakeDrive(7);
