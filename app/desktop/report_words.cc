@@ -152,7 +152,7 @@ constexpr const char* kWords[] = {
     QT_TRANSLATE_NOOP("Report", "%1 <= %2"),
     QT_TRANSLATE_NOOP("Report", "%1 >= %2"),
     QT_TRANSLATE_NOOP("Report", "%1 % interval %2 to %3"),
-    QT_TRANSLATE_NOOP("Report", "%1 % interval of at least %2"),
+    QT_TRANSLATE_NOOP("Report", "%1 % interval from %2"),
     QT_TRANSLATE_NOOP("Report", "n = %1"),
     QT_TRANSLATE_NOOP("Report", "not evaluated"),
     QT_TRANSLATE_NOOP("Report", "the value is too near the limit for more stations or runs to decide"),

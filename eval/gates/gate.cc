@@ -18,11 +18,11 @@ std::string Number(double value, const GateLimit& limit, const std::string& unit
   return fmt::format("{:.3g}{}", length ? value / metres : value, name.empty() ? "" : " " + name);
 }
 
-// An interval may have no end.
+bool IsOpen(const Interval& interval) { return !std::isfinite(interval.low) || !std::isfinite(interval.high); }
+
 std::string Ends(const Interval& interval, const GateLimit& limit, const std::string& unit, double metres) {
-  const std::string low = Number(interval.low, limit, unit, metres);
-  if (!std::isfinite(interval.high)) return "at least " + low;
-  return low + " to " + Number(interval.high, limit, unit, metres);
+  const auto end = [&](double x) { return std::isfinite(x) ? Number(x, limit, unit, metres) : ""; };
+  return EndsText(end(interval.low), end(interval.high));
 }
 
 std::string Range(const GateResult& r, const std::string& unit, double metres) {
@@ -51,15 +51,16 @@ std::string Message(const GateResult& r) {
   if (!m.value) return text + ": " + (m.reason.empty() ? "not evaluated" : m.reason);
   text += ": " + Number(*m.value, r.limit, "m", 1);
   if (m.interval) {
-    const std::string confidence = fmt::format(", {:.3g} % interval ", 100 * m.confidence);
-    text += std::isfinite(m.interval->high)
-                ? confidence + fmt::format("{:.3g} to {}", m.interval->low, Number(m.interval->high, r.limit, "m", 1))
-                : confidence + "of " + Ends(*m.interval, r.limit, "m", 1);
+    // The unit once.
+    text += fmt::format(", {:.3g} % interval {}", 100 * m.confidence,
+                        IsOpen(*m.interval)
+                            ? Ends(*m.interval, r.limit, "m", 1)
+                            : fmt::format("{:.3g} to {}", m.interval->low, Number(m.interval->high, r.limit, "m", 1)));
   }
   if (m.n > 0) text += fmt::format(", n = {} {}", m.n, m.counted);
   if (!m.reason.empty()) text += "; " + m.reason;
   if (!m.note.empty()) text += "; " + m.note;
-  if (r.verdict == Verdict::kUndecided && m.interval && m.design) text += Hint(r);
+  if (r.verdict == Verdict::kUndecided && m.interval && !IsOpen(*m.interval) && m.design) text += Hint(r);
   return text;
 }
 

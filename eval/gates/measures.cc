@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "eval/gates/intervals.h"
 #include "eval/statistics/distributions.h"
@@ -30,12 +31,20 @@ GateMeasure Complete(const std::string& gate, const std::string& subject, const 
   return m;
 }
 
+// An end that is not known is infinite; nothing where neither is.
+std::optional<Interval> OpenIntervalAt(const json& group, const char* key) {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  const auto ends = EndsAt(group, key);
+  if (!ends || (!ends->low && !ends->high)) return std::nullopt;
+  return Interval{ends->low.value_or(-kNone), ends->high.value_or(kNone)};
+}
+
 void AddPercentile(const json& group, const char* name, const char* value, const char* interval, double confidence,
                    const GateMeasure& base, std::vector<GateMeasure>* measures) {
   GateMeasure m = base;
   m.gate = std::string("evaluate.") + name;
   m.value = At(group, {"error_3d", "over_answers", value});
-  m.interval = IntervalAt(group, interval);
+  m.interval = OpenIntervalAt(group, interval);
   m.confidence = confidence;
   m.n = CountAt(group, {"answers"});
   m.counted = "answers";
@@ -260,7 +269,7 @@ std::vector<GateMeasure> EstimateMeasures(const json& estimates, const std::stri
     const int attempts = CountAt(e, {"attempts"}), answers = CountAt(e, {"answers"});
     GateMeasure ate{.gate = "estimates.max_ate_m", .subject = subject, .n = answers, .counted = "images"};
     ate.value = At(e, {"rmse_m"});
-    ate.interval = IntervalAt(e, "own_rmse_interval_m");
+    ate.interval = OpenIntervalAt(e, "own_rmse_interval_m");
     ate.confidence = EstimateScoreOptions().confidence;
     if (!ate.value) ate.reason = "no image has both an estimate and a reference";
     if (ate.value && !ate.interval) ate.reason = "too short a time for an interval by blocks";
@@ -269,7 +278,7 @@ std::vector<GateMeasure> EstimateMeasures(const json& estimates, const std::stri
     GateMeasure rpe{.gate = "estimates.max_rpe_m", .subject = subject, .value = At(relative, {"rmse_m"})};
     rpe.n = CountAt(relative, {"pieces"});
     rpe.counted = "pieces of path";
-    rpe.interval = IntervalAt(relative, "interval_m");
+    rpe.interval = OpenIntervalAt(relative, "interval_m");
     rpe.confidence = EstimateScoreOptions().confidence;
     if (!rpe.value || !rpe.interval) rpe.reason = "too short a path: expected at least three pieces";
     measures.push_back(std::move(rpe));

@@ -14,6 +14,7 @@
 #include "eval/release/compared.h"
 #include "eval/report/document.h"
 #include "eval/statistics/statistics.h"
+#include "eval/text/json_values.h"
 #include "eval/text/method_name.h"
 
 namespace trigpoint {
@@ -305,8 +306,7 @@ class Page {
     const auto ends = [&](const json& gate) -> std::string {
       const json interval = gate.value("interval", json());
       if (!interval.is_array()) return "";
-      const std::string low = number(interval[0]), high = number(interval[1]);
-      return fmt::format("{} ({:.0f} %)", high.empty() ? "at least " + low : low + " to " + high,
+      return fmt::format("{} ({:.0f} %)", EndsText(number(interval[0]), number(interval[1])),
                          100 * gate.value("confidence", 0.0));
     };
     for (const json& gate : gates) {

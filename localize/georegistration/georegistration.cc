@@ -7,7 +7,6 @@
 #include <cmath>
 #include <map>
 
-#include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/geo/unit_of_length.h"
 #include "calib/geometry/alignment.h"
@@ -23,6 +22,7 @@ constexpr size_t kPositionsDecide = 4;  // so many positions show by themselves 
 constexpr double kWrongHeading_rad = 20 * kDegToRad;
 constexpr double kMostScale = 0.15;         // logarithm: a scale farther off is a wrong unit, not drift
 constexpr double kLeastScaleSigma = 0.002;  // of odometry that geotags contradict: wheels wear, tyres warm up
+constexpr double kUsualScaleSigma = 0.01;   // of odometry for which run.yaml states none
 constexpr double kDiscordant = 1.96;        // 95 %: two scales farther apart do not have their stated sigmas
 constexpr double kLessCost = kDiscordant * kDiscordant;  // another scale is looked at if the fit is better by this
 constexpr double kUnknownScale = 0.5;                    // sigmas of the scale from here on: it is measured, not known
@@ -310,16 +310,18 @@ void EarthFit::Weigh(const System& system, EarthSolution* solution) const {
     return now[i].sigma(row) * now[i].sigma(row) + system.own(static_cast<Eigen::Index>(k));
   };
   // Where the sea lies, in its sigmas, by all heights above it: what is left of each is its own error.
-  double information = 1, sum = 0;
+  double information = 0;
+  std::vector<double> shown;
   for (size_t k = 0; k < system.rows.size(); ++k) {
-    const auto [i, row] = system.rows[k];
-    const double by = solution->w_position[i] * sea(static_cast<Eigen::Index>(k)) / variance(k);
-    information += by * sea(static_cast<Eigen::Index>(k));
-    sum += by * now[i].r(row);
+    const double of_sea = sea(static_cast<Eigen::Index>(k));
+    if (!(of_sea > 0)) continue;
+    information += of_sea * of_sea / variance(k);
+    shown.push_back(now[system.rows[k].first].r(2) / of_sea);
   }
+  const double sea_level = shown.empty() ? 0 : Median(std::move(shown)) * information / (1 + information);
   for (size_t k = 0; k < system.rows.size(); ++k) {
     const auto [i, row] = system.rows[k];
-    const double left = now[i].r(row) - sea(static_cast<Eigen::Index>(k)) * sum / information;
+    const double left = now[i].r(row) - sea(static_cast<Eigen::Index>(k)) * sea_level;
     const double e2 = left * left / variance(k);
     (row < 3 ? solution->position_chi2 : solution->attitude_chi2)[i] += e2;
     if (row < 3) ++solution->position_rows[i];
@@ -512,7 +514,8 @@ struct OtherScale {
   // (Birge's ratio, if both have one sigma). A wrong calibration bends a run so that geotags agree under a wrong scale.
   double LeastVariance(double used) const {
     if (IsSure()) return 0.25 * std::pow(factor - 1, 2);
-    return 0.5 * (std::pow(used - 1, 2) + std::pow(used - factor, 2));
+    const double as_measured = Excess() * std::max(kUsualScaleSigma, stated_sigma);  // no more than this of odometry
+    return std::min(0.5 * (std::pow(used - 1, 2) + std::pow(used - factor, 2)), as_measured * as_measured);
   }
   // How many of its sigmas the disagreement is.
   double Excess() const { return std::abs(factor - 1) / std::hypot(sigma, stated_sigma); }
@@ -556,11 +559,12 @@ std::optional<OtherScale> FindOtherScale(const EarthSolution& best, const std::v
   return scale;
 }
 
-// The scale's variance becomes `least` at least; what depends on the scale follows. What makes lengths disagree bends a
-// run as much as it stretches it, so that the turn in plan about the same point becomes uncertain by as many radians as
-// the scale by parts.
-void WidenScale(double scale, double least, Matrix7d* covariance) {
+// The scale's variance becomes what the other scale leaves open; what depends on the scale follows. What makes lengths
+// disagree bends a run as much as it stretches it, so that the turn in plan about the same point becomes uncertain by
+// as many radians as the scale by parts.
+void WidenScale(const OtherScale& other, double scale_prior, double scale, Matrix7d* covariance) {
   const double variance = (*covariance)(6, 6);
+  const double least = scale_prior * scale_prior * other.LeastVariance(scale / scale_prior);
   if (least <= variance) return;
   const Vector7d stretch = covariance->col(6) / variance;
   Vector7d turn = Vector7d::Zero();
@@ -644,16 +648,18 @@ std::string NoDirection(const std::vector<GeoObservation>& obs) {
       positions == 1 ? "is there" : fmt::format("lie within {} m of each other", kApart_m), kApart_m);
 }
 
-// A fit whose turn is nearly unknown: its covariance, which describes small turns, says nothing. Empty: it is known.
-std::string DirectionUnknown(const GeoRegistration& fit, size_t observations) {
+// Positions alone whose turn is nearly unknown: the covariance, which describes small turns, says nothing. Empty: it is
+// known, or from headings.
+std::string DirectionUnknown(const GeoRegistration& fit, const std::vector<GeoObservation>& obs) {
   constexpr double kMost_rad = 0.5;
   const double sigma = std::sqrt(fit.covariance(2, 2));
-  if (sigma < kMost_rad) return "";
+  const bool headings = std::any_of(obs.begin(), obs.end(), [](const GeoObservation& o) { return o.has_heading; });
+  if (headings || sigma < kMost_rad) return "";
   return fmt::format(
-      "{} (geotags, GPS fixes) lie too near each other, given their errors, to show the run's direction (1 sigma "
-      "{:.0f} "
-      "deg); expected positions farther apart, or a geotag with a heading",
-      Counted(static_cast<int64_t>(observations), "position", "positions"), std::min(180.0, sigma * kRadToDeg));
+      "{} positions (geotags, GPS fixes) lie too near each other, given their errors, to show the run's direction (1 "
+      "sigma {:.0f} deg); expected positions farther apart, or a geotag with a heading",
+      std::count_if(obs.begin(), obs.end(), [](const GeoObservation& o) { return o.has_position; }),
+      std::min(180.0, sigma * kRadToDeg));
 }
 
 // How far positions are off, squared and over what their sigmas allow.
@@ -843,14 +849,14 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
     return EarthFit(less, odom_covariance, scale_prior, used_sigma, tilt_sigma, options).SolveNear(best->s);
   });
   used.Describe(*best, &result);
-  const double least = other ? other->LeastVariance(best->s.scale / scale_prior) : 0;
-  WidenScale(best->s.scale, scale_prior * scale_prior * least, &result.covariance);
+  result.reason = DirectionUnknown(result, obs);
+  if (!result.reason.empty()) return result;
+  if (other) WidenScale(*other, scale_prior, best->s.scale, &result.covariance);
   WidenTurns(turns, &result.covariance);
   // The run's shape may be what is wrong: it takes up a part of the errors, and bends what lies between the geotags.
   result.covariance *= enlarged.factor * enlarged.factor;
-  result.reason = DirectionUnknown(result, obs.size());
-  result.solved = result.reason.empty();
-  if (result.solved) result.reason = Remarks(other, turns, enlarged.factor);
+  result.reason = Remarks(other, turns, enlarged.factor);
+  result.solved = true;
   return result;
 }
 

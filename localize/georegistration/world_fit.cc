@@ -76,7 +76,8 @@ class Fitter {
   void AddFrame(const Rigid3d& world_from_odom, WorldFit* fit);
   void AddTags(WorldFit* fit);
   void AddGeotags(const GeoStart& start, WorldFit* fit);
-  void AddGps(const std::vector<GpsPlace>& gps, WorldFit* fit);
+  // Of one run of `runs` that have GPS.
+  void AddGps(const std::vector<GpsPlace>& gps, int runs, WorldFit* fit);
   BundleSummary Solve() { return SolveBundle(p_, bundle_, progress_, cancel_); }
   // With robust kernels for geotags and GPS only: at the start, correct observations may be many sigmas off.
   void SolveFromFarOff(const std::vector<PoseFactor>& links);
@@ -229,9 +230,9 @@ void Fitter::AddGeotags(const GeoStart& start, WorldFit* fit) {
   }
 }
 
-void Fitter::AddGps(const std::vector<GpsPlace>& gps, WorldFit* fit) {
+void Fitter::AddGps(const std::vector<GpsPlace>& gps, int runs, WorldFit* fit) {
   const std::vector<double> weights = GpsWeights(gps, options_.gps_correlation_s);
-  const double root_sum = std::sqrt(std::max(1.0, std::accumulate(weights.begin(), weights.end(), 0.0)));
+  const double root_sum = std::sqrt(runs * std::max(1.0, std::accumulate(weights.begin(), weights.end(), 0.0)));
   for (size_t i = 0; i < gps.size(); ++i) {
     const GpsPlace& g = gps[i];
     if (!(weights[i] > 0)) continue;
@@ -501,7 +502,7 @@ WorldFit FitWorld(const LocalizeInput& input, const GeoStart& start, const std::
   fitter.AddGeotags(start, &fit);
   // Where GPS is what the run would be georeferenced by, every fix takes part.
   const bool by_gps = std::any_of(start.references.begin(), start.references.end(), [](int r) { return r < 0; });
-  if (evidence.gps || by_gps) fitter.AddGps(gps, &fit);
+  if (evidence.gps || by_gps) fitter.AddGps(gps, 1, &fit);
   fitter.Solve();
   fitter.SolveWithMap(&fit, summary);
   return fit;
@@ -515,7 +516,8 @@ WorldFit FitSite(const LocalizeInput& input, const GeoStart& start, const SiteFi
   Fitter fitter(input, evidence, options, bundle, problem, progress, cancel);
   fitter.AddTags(&fit);
   fitter.AddGeotags(start, &fit);
-  for (const std::vector<GpsPlace>& gps : site.gps) fitter.AddGps(gps, &fit);
+  const auto runs = std::count_if(site.gps.begin(), site.gps.end(), [](const auto& gps) { return !gps.empty(); });
+  for (const std::vector<GpsPlace>& gps : site.gps) fitter.AddGps(gps, static_cast<int>(runs), &fit);
   fitter.SolveFromFarOff(site.links);
   site.after_links();
   fitter.Solve();

@@ -424,6 +424,7 @@ void MapSolver::CompareDatums() {
     result_.shifts.back().of = "geotags";
   }
   values.clear(), sigmas.clear();
+  double sea_m = 0;
   for (size_t r = 0; r < input_.runs.size(); ++r) {
     const std::vector<SurveyFix>& fixes = input_.runs[r].gps;
     std::vector<Eigen::Vector3d> its, its_sigma;
@@ -434,19 +435,21 @@ void MapSolver::CompareDatums() {
       if (!body) continue;
       its.emplace_back(fix.world_m - *body * fix.arm_m);
       its_sigma.emplace_back(fix.sigma_h_m, fix.sigma_h_m, OwnHeightSigma(fix.sigma_v_m, fix.sigma_sea_m));
+      sea_m = std::max(sea_m, fix.sigma_sea_m);
     }
     if (its.empty()) continue;
     const double span = 1e-9 * static_cast<double>(fixes.back().stamp_ns - fixes.front().stamp_ns);
     const double widen = std::sqrt(static_cast<double>(its.size()) / std::max(1.0, span / kGpsCorrelation_s));
     for (Eigen::Vector3d& s : its_sigma) s *= std::max(1.0, widen);
-    DatumShift mean = RobustMean(its, its_sigma);
-    mean.sigma_m.z() = std::hypot(mean.sigma_m.z(), fixes.front().sigma_sea_m);
+    const DatumShift mean = RobustMean(its, its_sigma);
     values.push_back(mean.stated_minus_map_m);
     sigmas.push_back(mean.sigma_m);
   }
   if (!values.empty() && result_.datum != "gps") {
-    result_.shifts.push_back(RobustMean(values, sigmas));
-    result_.shifts.back().of = "gps";
+    DatumShift mean = RobustMean(values, sigmas);
+    mean.sigma_m.z() = std::hypot(mean.sigma_m.z(), sea_m);
+    mean.of = "gps";
+    result_.shifts.push_back(mean);
   }
 }
 

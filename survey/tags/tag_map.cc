@@ -504,13 +504,15 @@ void MapSolver::AddPoints() {
 // A receiver's errors are correlated over kGpsCorrelation_s: the fixes within that time together count as one.
 void MapSolver::AddFixes() {
   if (!result_.in_world) return;
+  size_t all = 0;
+  for (const SurveyRun& run : input_.runs) all += run.gps.size();
+  const double once = std::sqrt(static_cast<double>(all));  // heights above the sea share one error
   for (size_t r = 0; input_.use_gps && r < input_.runs.size(); ++r) {
     const std::vector<SurveyFix>& fixes = input_.runs[r].gps;
     if (fixes.empty()) continue;
     const double span = 1e-9 * static_cast<double>(fixes.back().stamp_ns - fixes.front().stamp_ns);
     const double independent = std::max(1.0, span / kGpsCorrelation_s);
     const double widen = std::sqrt(std::max(1.0, static_cast<double>(fixes.size()) / independent));
-    const double once = std::sqrt(static_cast<double>(fixes.size()));
     for (const SurveyFix& fix : fixes) {
       const int f = FrameAt(start_, static_cast<int>(r), fix.stamp_ns);
       if (f < 0 || frame_unknown_[static_cast<size_t>(f)] < 0) continue;

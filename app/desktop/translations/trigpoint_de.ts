@@ -1720,8 +1720,8 @@
         <translation>%1-%-Intervall %2 bis %3</translation>
     </message>
     <message>
-        <source>%1 % interval of at least %2</source>
-        <translation>%1-%-Intervall von mindestens %2</translation>
+        <source>%1 % interval from %2</source>
+        <translation>%1-%-Intervall ab %2</translation>
     </message>
     <message>
         <source>n = %1</source>
