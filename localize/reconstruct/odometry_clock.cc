@@ -93,6 +93,8 @@ std::optional<Tried> FindRate(const Trajectory& odometry, const std::vector<Meas
   }
   if (tried.empty() || near.empty()) return std::nullopt;
   Tried best = *std::min_element(tried.begin(), tried.end(), best_of);
+  // What fits ever better up to the last one tried is no rate: a lens of another focal length does so.
+  if (std::abs(best.rate) > (kRates - 0.5) * kRateStep) return std::nullopt;
   const double noise = std::max(kLeastNoise_rad, Median(best.off) / kMedianOfChi3);
   const size_t independent = IndependentOf(turns);
   const bool far_better = Chi2Of(near, noise, independent) > Chi2Of(best.off, noise, independent) + kSignificantChi2;

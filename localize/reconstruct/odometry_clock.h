@@ -31,7 +31,7 @@ struct OdometryClock {
 // The offset within +-`most_s` with which odometry turns as the images do. Nothing where fewer than eight turns can be
 // compared. The noise of the turns is found from their residuals at the best offset; a turn counts for no more than
 // sqrt(12) sigma, and the turns between n images for at most n - 1 independent ones. Where no single offset makes them
-// agree, rates of up to 5 % are tried, too. Linear in turns and offsets tried.
+// agree, rates of less than 5 % are tried, too. Linear in turns and offsets tried.
 std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const std::vector<MeasuredTurn>& turns,
                                                double most_s);
 
