@@ -434,6 +434,20 @@ std::vector<ConventionFinding> CheckInput(const SurveyInput& input) {
   return findings;
 }
 
+namespace {
+
+constexpr double kLeastNoise_m = 0.3;  // of a starting map
+
+// Two points show nothing but their distance. Where it is wrong by more than all of it, they place nothing.
+std::vector<ConventionFinding> DistanceFinding(double in_map_m, double stated_m) {
+  if (std::abs(stated_m - in_map_m) <= in_map_m + kLeastNoise_m) return {};
+  return {{true, fmt::format("control_points.csv: the two surveyed points are {:.2f} m apart, but {:.2f} m by the "
+                             "pictures: check for a wrong coordinate, id or unit, a wrong tag size or poor odometry",
+                             stated_m, in_map_m)}};
+}
+
+}  // namespace
+
 std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapStart& start,
                                            const std::vector<SurveyPoint>& points) {
   std::vector<ConventionFinding> findings;
@@ -447,9 +461,9 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
     stated.push_back(p.world_m);
     low = low.cwiseMin(map.back()), high = high.cwiseMax(map.back());
   }
+  if (map.size() == 2) return DistanceFinding((map[0] - map[1]).norm(), (stated[0] - stated[1]).norm());
   if (map.size() < 3) return findings;
   const double extent = (high - low).norm(), as_is = FitRms(map, stated, AlignmentKind::kSE3);
-  constexpr double kLeastNoise_m = 0.3;
   const double near = kLeastNoise_m + 0.05 * extent;  // odometry drifts by a few percent
   double factor = 1;
   const double scaled = FitRms(map, stated, AlignmentKind::kSim3, &factor);

@@ -578,6 +578,20 @@ TEST(TagMap, WrongControlIsTakenOutAndNamed) {
   EXPECT_LT((map.tags[3].world_from_tag->translation - yard.tags[3].translation).norm(), 0.06);
 }
 
+// A digit too many in one of two points: the map bends to them, so that its residuals would show nothing.
+TEST(TagMap, TwoPointsThatLieFarFartherApartThanTheTagsAreRefused) {
+  Yard yard = MakeYard(24);
+  yard.input.points.resize(2);
+  EXPECT_NO_THROW(Survey(yard.input));
+  yard.input.points[0].world_m += Eigen::Vector3d(940, 0, 0);
+  try {
+    Survey(yard.input);
+    FAIL() << "expected a refusal";
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("the two surveyed points are"), std::string::npos) << e.what();
+  }
+}
+
 // Two pillars that are known, one set-up over the first and one anywhere between the tags; both read every tag.
 void ReadWithTotalStation(uint64_t seed, Yard* yard) {
   constexpr double kAngle = 2e-5, kLength = 0.002, kPillar = 0.003, kCentring = 0.001;
