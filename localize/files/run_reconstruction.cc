@@ -13,6 +13,7 @@
 #include "localize/reconstruct/image_motion.h"
 #include "localize/reconstruct/lens_check.h"
 #include "localize/reconstruct/odometry_check.h"
+#include "localize/reconstruct/odometry_jump.h"
 #include "localize/reconstruct/odometry_unit.h"
 #include "localize/reconstruct/rig_length.h"
 #include "localize/reconstruct/self_calibration.h"
@@ -95,6 +96,24 @@ void HeedLenses(const LocalizeInput& input, RunReconstruction* run, StageContext
   }
   run->reconstruction.problem.pose_shifts =
       PoseShiftsByLenses(input, run->reconstruction, context.threads, context.cancel);
+}
+
+// Refuses odometry that jumps along the direction of motion, which no pair of images contradicts.
+void RequireNoJump(const Run& run, const LocalizeInput& input, const Reconstruction& reconstruction,
+                   const StageContext& context) {
+  const auto jump = FindJumpByPoints(input, reconstruction, context.seed);
+  if (!jump) return;
+  const auto seconds = [&](int pose) {
+    return 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(pose)]);
+  };
+  throw InputError(
+      fmt::format("{}: jumps between {:.3f} and {:.3f} s: {} of {} points that images on both sides show fit each "
+                  "other if all that "
+                  "follows is moved by {:.2f} m, and {} as it is; expected a continuous motion without corrections by "
+                  "GPS or loops. "
+                  "Option check_conventions=false skips this check",
+                  (run.dir / "odometry.tum").string(), seconds(jump->before), seconds(jump->after), jump->fitting,
+                  jump->points, jump->shift_m.norm(), jump->fitting_unmoved));
 }
 
 // Refuses cameras that stand elsewhere on the body than their calibration says.
@@ -337,7 +356,10 @@ ReconstructedRun ReconstructFiles(Run run, const fs::path& features, const Recon
   }
   if (calibrated && options.check_conventions && mode != "paper") {
     RequireCalibration(job.input, result, context);
-    if (job.input.has_odometry) HeedCalibration(options, features, as_read, context, &job, &result);
+    if (job.input.has_odometry) {
+      HeedCalibration(options, features, as_read, context, &job, &result);
+      RequireNoJump(run, job.input, result.reconstruction, context);
+    }
     RequireArms(run, job.input, result.reconstruction, context);
   }
   if (!job.input.has_odometry) HeedLenses(job.input, &result, context);

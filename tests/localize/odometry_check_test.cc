@@ -8,7 +8,9 @@
 #include "localize/reconstruct/camera_mount.h"
 #include "localize/reconstruct/odometry_clock.h"
 #include "localize/reconstruct/odometry_drift.h"
+#include "localize/reconstruct/odometry_jump.h"
 #include "localize/reconstruct/odometry_stretch.h"
+#include "localize/reconstruct/reconstruct_run.h"
 #include "tests/localize/test_drive.h"
 
 namespace trigpoint {
@@ -254,6 +256,28 @@ TEST(OdometryClock, IsNotKnownWhereTurnsAreEven) {
   const std::vector<Rigid3d> poses = drive.input.odom_from_body;
   for (size_t k = 0; k < poses.size(); ++k) drive.input.odom_from_body[k] = poses[k < 3 ? 0 : k - 3];
   EXPECT_EQ(ContradictionOf(drive).find("clock"), std::string::npos);
+}
+
+// No direction of motion contradicts a jump along the path; the points do that images on both sides show.
+TEST(OdometryJump, AlongThePathIsShownByPoints) {
+  constexpr double kJump_m = 5;
+  for (const bool jumps : {false, true}) {
+    Drive drive = MakeDrive(0.2, 3, 0.8);
+    const size_t middle = drive.seen.size() / 2;
+    const Eigen::Vector3d ahead = drive.input.odom_from_body[middle].rotation * Eigen::Vector3d::UnitX();
+    for (size_t k = middle; k < drive.seen.size() && jumps; ++k) {
+      drive.input.odom_from_body[k].translation += kJump_m * ahead;
+    }
+    drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
+    ProgressSink progress;
+    const RunReconstruction run = ReconstructRun(drive.input, {}, false, 2, 1, progress, {});
+    const auto jump = FindJumpByPoints(drive.input, run.reconstruction, 1);
+    ASSERT_EQ(jump.has_value(), jumps);
+    if (!jumps) continue;
+    EXPECT_EQ(jump->before, static_cast<int>(middle) - 1);
+    EXPECT_EQ(jump->after, static_cast<int>(middle));
+    EXPECT_LT((jump->shift_m + kJump_m * ahead).norm(), 0.2 * kJump_m) << jump->shift_m.transpose();
+  }
 }
 
 TEST(OdometryCheck, NamesACameraThatIsTurned) {

@@ -1,0 +1,181 @@
+#include "localize/reconstruct/odometry_jump.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <vector>
+
+#include "calib/estimation/ransac.h"
+#include "calib/geo/geodetic.h"
+#include "calib/geometry/bearing.h"
+#include "calib/geometry/nearest_to_rays.h"
+
+namespace trigpoint {
+namespace {
+
+constexpr double kFits_rad = 0.4 * kDegToRad;  // a pixel and a half of a usual camera, and the points' own noise
+constexpr int kLeastPoints = 30;
+
+struct Sight {
+  int moment = 0, pose = 0;
+  Eigen::Vector3d centre, ray;  // odometry's axes
+};
+
+// What the run's images see of each point, as tracks had it: observations that were left out included.
+std::vector<std::vector<Sight>> SightsOf(const LocalizeInput& input, const Reconstruction& r) {
+  const std::vector<int> moments = MomentsOfPoses(input);
+  std::vector<std::vector<Sight>> sights(r.problem.points.size());
+  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
+    if (r.image_of[k] < 0) continue;
+    const BearingObservation& o = r.problem.observations[k];
+    const Rigid3d odom_from_view =
+        (r.problem.views[static_cast<size_t>(o.view)] * r.problem.poses[static_cast<size_t>(o.pose)]).Inverse();
+    sights[static_cast<size_t>(o.point)].push_back({moments[static_cast<size_t>(o.pose)], o.pose,
+                                                    odom_from_view.translation,
+                                                    odom_from_view.rotation * o.ray.cast<double>().normalized()});
+  }
+  return sights;
+}
+
+// Steps from one moment to the next across which many points were left out.
+std::vector<int> SuspectSteps(const LocalizeInput& input, const Reconstruction& r) {
+  constexpr double kMostLeft =
+      0.65;  // share of the points that are still seen on both sides; a shift has to explain them
+  const std::vector<int> moments = MomentsOfPoses(input);
+  const auto steps = static_cast<size_t>(moments.empty() ? 0 : moments.back());
+  std::vector<int> all(steps), left(steps);
+  struct Range {
+    int first = 0, last = -1;
+    void Add(int moment) {
+      if (last < 0) first = last = moment;
+      first = std::min(first, moment), last = std::max(last, moment);
+    }
+  };
+  std::vector<Range> seen(r.problem.points.size()), active(r.problem.points.size());
+  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
+    if (r.image_of[k] < 0) continue;
+    const BearingObservation& o = r.problem.observations[k];
+    const int moment = moments[static_cast<size_t>(o.pose)];
+    seen[static_cast<size_t>(o.point)].Add(moment);
+    if (o.active) active[static_cast<size_t>(o.point)].Add(moment);
+  }
+  for (size_t j = 0; j < seen.size(); ++j) {
+    for (int m = seen[j].first; m < seen[j].last; ++m) ++all[static_cast<size_t>(m)];
+    for (int m = active[j].first; m < active[j].last; ++m) ++left[static_cast<size_t>(m)];
+  }
+  std::vector<int> suspect;
+  for (size_t m = 0; m < steps; ++m) {
+    if (all[m] >= kLeastPoints && left[m] < kMostLeft * all[m]) suspect.push_back(static_cast<int>(m));
+  }
+  return suspect;
+}
+
+// A point that one side places, as seen from the other: it lies along `ray` once `arm` is moved by `sign` x the shift.
+struct Across {
+  int point = 0;
+  Eigen::Vector3d arm, ray;
+  double sign = 1;
+  double Off(const Eigen::Vector3d& shift) const { return AngleBetween(arm + sign * shift, ray); }
+};
+
+std::optional<Eigen::Vector3d> PlacedBy(const std::vector<Sight>& sights) {
+  constexpr double kParallax_rad = 1.5 * kDegToRad;
+  NearestToRays nearest;
+  double parallax = 0;
+  for (const Sight& s : sights) {
+    nearest.Add(s.centre, s.ray);
+    parallax = std::max(parallax, AngleBetween(s.ray, sights.front().ray));
+  }
+  if (sights.size() < 2 || parallax < kParallax_rad) return std::nullopt;
+  const Eigen::Vector3d point = nearest.Point();
+  const bool fits = std::all_of(sights.begin(), sights.end(),
+                                [&](const Sight& s) { return AngleBetween(point - s.centre, s.ray) < kFits_rad; });
+  return fits ? std::optional(point) : std::nullopt;
+}
+
+std::vector<Across> SeenAcross(const std::vector<std::vector<Sight>>& points, int step) {
+  std::vector<Across> across;
+  for (size_t j = 0; j < points.size(); ++j) {
+    std::vector<Sight> sides[2];
+    for (const Sight& s : points[j]) sides[s.moment > step ? 1 : 0].push_back(s);
+    for (const int placing : {0, 1}) {
+      const auto point = PlacedBy(sides[placing]);
+      if (!point) continue;
+      // What follows is moved: its points by the shift, and its cameras, from which the arm begins.
+      for (const Sight& s : sides[1 - placing]) {
+        across.push_back({static_cast<int>(j), *point - s.centre, s.ray, placing == 1 ? 1.0 : -1.0});
+      }
+    }
+  }
+  return across;
+}
+
+// The shift that puts all of them along their rays, by linear least squares.
+std::optional<Eigen::Vector3d> ShiftOf(const std::vector<Across>& all, const std::vector<int>& which) {
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (int k : which) {
+    const Across& a = all[static_cast<size_t>(k)];
+    const Eigen::Matrix3d beside = Eigen::Matrix3d::Identity() - a.ray * a.ray.transpose();
+    normal += beside;
+    right -= a.sign * (beside * a.arm);
+  }
+  const Eigen::LDLT<Eigen::Matrix3d> solver(normal);
+  const Eigen::Vector3d shift = solver.solve(right);
+  return shift.allFinite() && solver.vectorD().minCoeff() > 1e-6 ? std::optional(shift) : std::nullopt;
+}
+
+// How many points fit in all their sights across.
+int Fitting(const std::vector<Across>& all, const Eigen::Vector3d& shift, int* points) {
+  std::map<int, bool> fits;
+  for (const Across& a : all) {
+    const auto [at, fresh] = fits.try_emplace(a.point, true);
+    at->second = at->second && a.Off(shift) < kFits_rad;
+  }
+  if (points != nullptr) *points = static_cast<int>(fits.size());
+  return static_cast<int>(std::count_if(fits.begin(), fits.end(), [](const auto& f) { return f.second; }));
+}
+
+}  // namespace
+
+std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const Reconstruction& r, uint64_t seed) {
+  constexpr double kMost = 0.5;                       // share of the points that the shift has to explain
+  constexpr int kTimesMore = 4;                       // than without
+  constexpr double kLeast_m = 0.1, kLeastPart = 0.1;  // of the shift; of the step
+  const std::vector<int> suspect = SuspectSteps(input, r);
+  if (suspect.empty()) return std::nullopt;
+  const std::vector<std::vector<Sight>> sights = SightsOf(input, r);
+  const std::vector<int> moments = MomentsOfPoses(input);
+  for (const int step : suspect) {
+    const std::vector<Across> across = SeenAcross(sights, step);
+    RansacOptions options;
+    options.threshold = kFits_rad;
+    options.seed = seed;
+    const auto found = Ransac<Eigen::Vector3d, 2>(
+        static_cast<int>(across.size()), options,
+        [&](const std::vector<int>& two) {
+          const auto shift = ShiftOf(across, two);
+          return shift ? std::vector{*shift} : std::vector<Eigen::Vector3d>();
+        },
+        [&](const Eigen::Vector3d& shift, int k) { return across[static_cast<size_t>(k)].Off(shift); });
+    const auto refined = found.found ? ShiftOf(across, found.inliers) : std::nullopt;
+    if (!refined) continue;
+    JumpByPoints jump;
+    jump.shift_m = *refined;
+    jump.fitting = Fitting(across, jump.shift_m, &jump.points);
+    jump.fitting_unmoved = Fitting(across, Eigen::Vector3d::Zero(), nullptr);
+    jump.before = static_cast<int>(std::upper_bound(moments.begin(), moments.end(), step) - moments.begin()) - 1;
+    jump.after = jump.before + 1;
+    const auto centre = [&](int pose) { return r.problem.poses[static_cast<size_t>(pose)].TargetOriginInSource(); };
+    const double length = (centre(jump.after) - centre(jump.before)).norm();
+    if (jump.points >= kLeastPoints && jump.fitting >= kMost * jump.points &&
+        jump.fitting >= kTimesMore * jump.fitting_unmoved &&
+        jump.shift_m.norm() > std::max(kLeast_m, kLeastPart * length)) {
+      return jump;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace trigpoint
