@@ -106,7 +106,8 @@ void RequireNoJump(const Run& run, const LocalizeInput& input, const Reconstruct
   const auto seconds = [&](int pose) {
     return 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(pose)]);
   };
-  throw InputError(
+  throw RefusedInput(
+      kRefusedOdometry,
       fmt::format("{}: jumps between {:.3f} and {:.3f} s: {} of {} points that images on both sides show fit each "
                   "other if all that "
                   "follows is moved by {:.2f} m, and {} as it is; expected a continuous motion without corrections by "

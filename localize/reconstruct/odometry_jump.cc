@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kFits_rad = 0.4 * kDegToRad;  // a pixel and a half of a usual camera, and the points' own noise
 constexpr int kLeastPoints = 30;
+constexpr int kWindow = 10;  // moments on each side of a step that are looked at
 
 struct Sight {
   int moment = 0, pose = 0;
@@ -38,31 +39,31 @@ std::vector<std::vector<Sight>> SightsOf(const LocalizeInput& input, const Recon
   return sights;
 }
 
-// Steps from one moment to the next across which many points were left out.
+// Steps from one moment to the next across which many points were left out. A point counts between two of its sights
+// that follow each other soon: how odometry drifts until a place is seen again is no jump.
 std::vector<int> SuspectSteps(const LocalizeInput& input, const Reconstruction& r) {
   constexpr double kMostLeft =
       0.65;  // share of the points that are still seen on both sides; a shift has to explain them
   const std::vector<int> moments = MomentsOfPoses(input);
   const auto steps = static_cast<size_t>(moments.empty() ? 0 : moments.back());
   std::vector<int> all(steps), left(steps);
-  struct Range {
-    int first = 0, last = -1;
-    void Add(int moment) {
-      if (last < 0) first = last = moment;
-      first = std::min(first, moment), last = std::max(last, moment);
-    }
+  struct Last {
+    int seen = -1, active = -1;
   };
-  std::vector<Range> seen(r.problem.points.size()), active(r.problem.points.size());
+  std::vector<Last> last(r.problem.points.size());
+  const auto add = [&](int moment, int* before, std::vector<int>* count) {
+    if (*before >= 0 && std::abs(moment - *before) <= kWindow) {
+      for (int m = std::min(*before, moment); m < std::max(*before, moment); ++m) ++(*count)[static_cast<size_t>(m)];
+    }
+    *before = moment;
+  };
   for (size_t k = 0; k < r.problem.observations.size(); ++k) {
     if (r.image_of[k] < 0) continue;
     const BearingObservation& o = r.problem.observations[k];
     const int moment = moments[static_cast<size_t>(o.pose)];
-    seen[static_cast<size_t>(o.point)].Add(moment);
-    if (o.active) active[static_cast<size_t>(o.point)].Add(moment);
-  }
-  for (size_t j = 0; j < seen.size(); ++j) {
-    for (int m = seen[j].first; m < seen[j].last; ++m) ++all[static_cast<size_t>(m)];
-    for (int m = active[j].first; m < active[j].last; ++m) ++left[static_cast<size_t>(m)];
+    Last& of_point = last[static_cast<size_t>(o.point)];
+    add(moment, &of_point.seen, &all);
+    if (o.active) add(moment, &of_point.active, &left);
   }
   std::vector<int> suspect;
   for (size_t m = 0; m < steps; ++m) {
@@ -98,7 +99,10 @@ std::vector<Across> SeenAcross(const std::vector<std::vector<Sight>>& points, in
   std::vector<Across> across;
   for (size_t j = 0; j < points.size(); ++j) {
     std::vector<Sight> sides[2];
-    for (const Sight& s : points[j]) sides[s.moment > step ? 1 : 0].push_back(s);
+    for (const Sight& s : points[j]) {
+      if (s.moment > step - kWindow && s.moment <= step + kWindow) sides[s.moment > step ? 1 : 0].push_back(s);
+    }
+    if (sides[0].empty() || sides[1].empty()) continue;
     for (const int placing : {0, 1}) {
       const auto point = PlacedBy(sides[placing]);
       if (!point) continue;
@@ -139,14 +143,61 @@ int Fitting(const std::vector<Across>& all, const Eigen::Vector3d& shift, int* p
 
 }  // namespace
 
+namespace {
+
+// Where the body is at a moment.
+class Path {
+ public:
+  Path(const LocalizeInput& input, const Reconstruction& r) : input_(input), r_(r), moments_(MomentsOfPoses(input)) {}
+  int FirstPose(int moment) const {
+    return static_cast<int>(std::lower_bound(moments_.begin(), moments_.end(), moment) - moments_.begin());
+  }
+  Eigen::Vector3d Step(int moment) const { return At(moment + 1) - At(moment); }
+  double Seconds(int moment) const {
+    const auto stamp = [&](int m) { return input_.pose_stamps[static_cast<size_t>(FirstPose(m))]; };
+    return 1e-9 * static_cast<double>(stamp(moment + 1) - stamp(moment));
+  }
+  // What the steps before and after make likely of one, by their speeds; nothing where it is the only one.
+  std::optional<Eigen::Vector3d> Expected(int step) const {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    int steps = 0;
+    for (const int other : {step - 1, step + 1}) {
+      if (other < 0 || other >= moments_.back() || Seconds(other) <= 0) continue;
+      sum += Step(other) / Seconds(other);
+      ++steps;
+    }
+    return steps > 0 ? std::optional<Eigen::Vector3d>(Seconds(step) / steps * sum) : std::nullopt;
+  }
+
+ private:
+  Eigen::Vector3d At(int moment) const {
+    return r_.problem.poses[static_cast<size_t>(FirstPose(moment))].TargetOriginInSource();
+  }
+  const LocalizeInput& input_;
+  const Reconstruction& r_;
+  std::vector<int> moments_;
+};
+
+// A shift is a jump of odometry if it is along the step, makes the speed more even, and is no noise. What repeats along
+// a street may match one period off, and a turn or a camera's place may look like a shift aside.
+bool IsOfOdometry(const Path& path, int step, const Eigen::Vector3d& shift) {
+  constexpr double kLeast_m = 0.2, kLeastPart = 0.2, kAlong = 0.8, kMoreEven = 0.5;
+  const Eigen::Vector3d moved = path.Step(step);
+  const auto expected = path.Expected(step);
+  if (!expected || shift.norm() < std::max(kLeast_m, kLeastPart * moved.norm())) return false;
+  return std::abs(shift.dot(moved)) > kAlong * shift.norm() * moved.norm() &&
+         (moved + shift - *expected).norm() < kMoreEven * (moved - *expected).norm();
+}
+
+}  // namespace
+
 std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const Reconstruction& r, uint64_t seed) {
-  constexpr double kMost = 0.5;                       // share of the points that the shift has to explain
-  constexpr int kTimesMore = 4;                       // than without
-  constexpr double kLeast_m = 0.1, kLeastPart = 0.1;  // of the shift; of the step
+  constexpr double kMost = 0.5;  // share of the points that the shift has to explain
+  constexpr int kTimesMore = 4;  // than without
   const std::vector<int> suspect = SuspectSteps(input, r);
   if (suspect.empty()) return std::nullopt;
   const std::vector<std::vector<Sight>> sights = SightsOf(input, r);
-  const std::vector<int> moments = MomentsOfPoses(input);
+  const Path path(input, r);
   for (const int step : suspect) {
     const std::vector<Across> across = SeenAcross(sights, step);
     RansacOptions options;
@@ -159,19 +210,12 @@ std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const R
           return shift ? std::vector{*shift} : std::vector<Eigen::Vector3d>();
         },
         [&](const Eigen::Vector3d& shift, int k) { return across[static_cast<size_t>(k)].Off(shift); });
-    const auto refined = found.found ? ShiftOf(across, found.inliers) : std::nullopt;
-    if (!refined) continue;
-    JumpByPoints jump;
-    jump.shift_m = *refined;
+    if (!found.found) continue;
+    JumpByPoints jump{path.FirstPose(step), path.FirstPose(step + 1), found.model};
     jump.fitting = Fitting(across, jump.shift_m, &jump.points);
     jump.fitting_unmoved = Fitting(across, Eigen::Vector3d::Zero(), nullptr);
-    jump.before = static_cast<int>(std::upper_bound(moments.begin(), moments.end(), step) - moments.begin()) - 1;
-    jump.after = jump.before + 1;
-    const auto centre = [&](int pose) { return r.problem.poses[static_cast<size_t>(pose)].TargetOriginInSource(); };
-    const double length = (centre(jump.after) - centre(jump.before)).norm();
     if (jump.points >= kLeastPoints && jump.fitting >= kMost * jump.points &&
-        jump.fitting >= kTimesMore * jump.fitting_unmoved &&
-        jump.shift_m.norm() > std::max(kLeast_m, kLeastPart * length)) {
+        jump.fitting >= kTimesMore * jump.fitting_unmoved && IsOfOdometry(path, step, jump.shift_m)) {
       return jump;
     }
   }

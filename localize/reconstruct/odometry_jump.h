@@ -18,7 +18,8 @@ struct JumpByPoints {
 
 // Looks at the moments across which most points were left out of the solution. Points that the images of one side
 // place by themselves are compared with what the other side sees: a shift of all that follows is found by RANSAC.
-// Nothing unless it explains most of the points, and many times more than no shift does.
+// Nothing unless it explains most of the points, many times more than no shift does, and makes the run's speed more
+// even.
 std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const Reconstruction& reconstruction,
                                              uint64_t seed);
 

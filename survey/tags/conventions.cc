@@ -439,8 +439,9 @@ namespace {
 constexpr double kLeastNoise_m = 0.3;  // of a starting map
 
 // Two points show nothing but their distance. Where it is wrong by more than all of it, they place nothing.
-std::vector<ConventionFinding> DistanceFinding(double in_map_m, double stated_m) {
-  if (std::abs(stated_m - in_map_m) <= in_map_m + kLeastNoise_m) return {};
+std::vector<ConventionFinding> DistanceFinding(double in_map_m, double stated_m, double sigma_m) {
+  constexpr double kSigmas = 3;
+  if (std::abs(stated_m - in_map_m) <= in_map_m + kLeastNoise_m + kSigmas * sigma_m) return {};
   return {{true, fmt::format("control_points.csv: the two surveyed points are {:.2f} m apart, but {:.2f} m by the "
                              "pictures: check for a wrong coordinate, id or unit, a wrong tag size or poor odometry",
                              stated_m, in_map_m)}};
@@ -452,6 +453,7 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
                                            const std::vector<SurveyPoint>& points) {
   std::vector<ConventionFinding> findings;
   std::vector<Eigen::Vector3d> map, stated;
+  double variance_m2 = 0;
   Eigen::Vector3d low = Eigen::Vector3d::Constant(1e300), high = -low;
   for (const SurveyPoint& p : points) {
     const auto tag = start.world_from_tag.find(p.tag_id);
@@ -459,9 +461,12 @@ std::vector<ConventionFinding> CheckPoints(const SurveyInput& input, const MapSt
     map.push_back(p.corner < 0 ? tag->second.translation
                                : tag->second * TagCorner(input.sizes.SizeOf(p.tag_id), p.corner));
     stated.push_back(p.world_m);
+    variance_m2 += 2 * p.sigma_h_m * p.sigma_h_m + p.sigma_v_m * p.sigma_v_m;
     low = low.cwiseMin(map.back()), high = high.cwiseMax(map.back());
   }
-  if (map.size() == 2) return DistanceFinding((map[0] - map[1]).norm(), (stated[0] - stated[1]).norm());
+  if (map.size() == 2) {
+    return DistanceFinding((map[0] - map[1]).norm(), (stated[0] - stated[1]).norm(), std::sqrt(variance_m2));
+  }
   if (map.size() < 3) return findings;
   const double extent = (high - low).norm(), as_is = FitRms(map, stated, AlignmentKind::kSE3);
   const double near = kLeastNoise_m + 0.05 * extent;  // odometry drifts by a few percent
