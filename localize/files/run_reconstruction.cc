@@ -106,15 +106,13 @@ void RequireNoJump(const Run& run, const LocalizeInput& input, const Reconstruct
   const auto seconds = [&](int pose) {
     return 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(pose)]);
   };
-  throw RefusedInput(
-      kRefusedOdometry,
-      fmt::format("{}: jumps between {:.3f} and {:.3f} s: {} of {} points that images on both sides show fit each "
-                  "other if all that "
-                  "follows is moved by {:.2f} m, and {} as it is; expected a continuous motion without corrections by "
-                  "GPS or loops. "
-                  "Option check_conventions=false skips this check",
-                  (run.dir / "odometry.tum").string(), seconds(jump->before), seconds(jump->after), jump->fitting,
-                  jump->points, jump->shift_m.norm(), jump->fitting_unmoved));
+  const std::string text = fmt::format(
+      "{}: jumps between {:.3f} and {:.3f} s: {} of {} points that images on both sides show fit each other if all "
+      "that follows is moved by {:.2f} m, and {} as it is; expected a continuous motion without corrections by GPS or "
+      "loops. Option check_conventions=false skips this check",
+      (run.dir / "odometry.tum").string(), seconds(jump->before), seconds(jump->after), jump->fitting, jump->points,
+      jump->shift_m.norm(), jump->fitting_unmoved);
+  throw RefusedInput(kRefusedOdometry, text);
 }
 
 // Refuses cameras that stand elsewhere on the body than their calibration says.
