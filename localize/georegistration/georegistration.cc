@@ -22,7 +22,6 @@ constexpr size_t kPositionsDecide = 4;  // so many positions show by themselves 
 constexpr double kWrongHeading_rad = 20 * kDegToRad;
 constexpr double kMostScale = 0.15;         // logarithm: a scale farther off is a wrong unit, not drift
 constexpr double kLeastScaleSigma = 0.002;  // of odometry that geotags contradict: wheels wear, tyres warm up
-constexpr double kUsualScaleSigma = 0.01;   // of odometry for which run.yaml states none
 constexpr double kDiscordant = 1.96;        // 95 %: two scales farther apart do not have their stated sigmas
 constexpr double kLessCost = kDiscordant * kDiscordant;  // another scale is looked at if the fit is better by this
 constexpr double kUnknownScale = 0.5;                    // sigmas of the scale from here on: it is measured, not known
@@ -514,8 +513,7 @@ struct OtherScale {
   // (Birge's ratio, if both have one sigma). A wrong calibration bends a run so that geotags agree under a wrong scale.
   double LeastVariance(double used) const {
     if (IsSure()) return 0.25 * std::pow(factor - 1, 2);
-    const double as_measured = Excess() * std::max(kUsualScaleSigma, stated_sigma);  // no more than this of odometry
-    return std::min(0.5 * (std::pow(used - 1, 2) + std::pow(used - factor, 2)), as_measured * as_measured);
+    return 0.5 * (std::pow(used - 1, 2) + std::pow(used - factor, 2));
   }
   // How many of its sigmas the disagreement is.
   double Excess() const { return std::abs(factor - 1) / std::hypot(sigma, stated_sigma); }
