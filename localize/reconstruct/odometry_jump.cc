@@ -1,6 +1,5 @@
 #include "localize/reconstruct/odometry_jump.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -19,7 +18,7 @@ constexpr int kLeastPoints = 30;
 constexpr int kWindow = 10;  // moments on each side of a step that are looked at
 
 struct Sight {
-  int moment = 0, pose = 0;
+  int moment = 0;
   Eigen::Vector3d centre, ray;  // odometry's axes
 };
 
@@ -32,8 +31,7 @@ std::vector<std::vector<Sight>> SightsOf(const LocalizeInput& input, const Recon
     const BearingObservation& o = r.problem.observations[k];
     const Rigid3d odom_from_view =
         (r.problem.views[static_cast<size_t>(o.view)] * r.problem.poses[static_cast<size_t>(o.pose)]).Inverse();
-    sights[static_cast<size_t>(o.point)].push_back({moments[static_cast<size_t>(o.pose)], o.pose,
-                                                    odom_from_view.translation,
+    sights[static_cast<size_t>(o.point)].push_back({moments[static_cast<size_t>(o.pose)], odom_from_view.translation,
                                                     odom_from_view.rotation * o.ray.cast<double>().normalized()});
   }
   return sights;
@@ -42,8 +40,7 @@ std::vector<std::vector<Sight>> SightsOf(const LocalizeInput& input, const Recon
 // Steps from one moment to the next across which many points were left out. A point counts between two of its sights
 // that follow each other soon: how odometry drifts until a place is seen again is no jump.
 std::vector<int> SuspectSteps(const LocalizeInput& input, const Reconstruction& r) {
-  constexpr double kMostLeft =
-      0.65;  // share of the points that are still seen on both sides; a shift has to explain them
+  constexpr double kMostLeft = 0.65;  // share that is still seen on both sides; a shift has to explain the others
   const std::vector<int> moments = MomentsOfPoses(input);
   const auto steps = static_cast<size_t>(moments.empty() ? 0 : moments.back());
   std::vector<int> all(steps), left(steps);
@@ -115,19 +112,15 @@ std::vector<Across> SeenAcross(const std::vector<std::vector<Sight>>& points, in
   return across;
 }
 
-// The shift that puts all of them along their rays, by linear least squares.
+// The shift that puts all of them along their rays: it lies nearest to the lines of the shifts that each allows.
 std::optional<Eigen::Vector3d> ShiftOf(const std::vector<Across>& all, const std::vector<int>& which) {
-  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  NearestToRays nearest;
   for (int k : which) {
     const Across& a = all[static_cast<size_t>(k)];
-    const Eigen::Matrix3d beside = Eigen::Matrix3d::Identity() - a.ray * a.ray.transpose();
-    normal += beside;
-    right -= a.sign * (beside * a.arm);
+    nearest.Add(-a.sign * a.arm, a.ray);
   }
-  const Eigen::LDLT<Eigen::Matrix3d> solver(normal);
-  const Eigen::Vector3d shift = solver.solve(right);
-  return shift.allFinite() && solver.vectorD().minCoeff() > 1e-6 ? std::optional(shift) : std::nullopt;
+  if (nearest.Spread()(0) < 1e-6) return std::nullopt;  // they are parallel
+  return nearest.Point();
 }
 
 // How many points fit in all their sights across.
