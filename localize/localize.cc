@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <utility>
 
 #include "calib/base/median.h"
 #include "calib/base/parallel.h"
@@ -16,6 +17,7 @@
 #include "localize/georegistration/gps_check.h"
 #include "localize/reconstruct/lens_check.h"
 #include "localize/references/mirrored.h"
+#include "localize/references/view_turns.h"
 
 namespace trigpoint {
 namespace {
@@ -60,9 +62,9 @@ void AddReferences(const std::vector<ReferenceViews>& references, const std::vec
     if (!taken[i] || !IsLocalized(answer)) continue;
     const ReferenceViews& ref = references[i];
     const int first_view = static_cast<int>(p.views.size());
-    answer.views = {first_view, ref.rig.views.front().camera.MeanFocal(), ref.errors};
     for (const View& v : ref.rig.views) p.views.push_back(v.rig_from_view.Inverse());
     AddPose(&answer, &p);
+    answer.views = {answer.pose, first_view, ref.rig.views.front().camera.MeanFocal(), ref.errors};
     for (const ViewObservation& v : answer.registration.inliers) {
       if (v.repeated) continue;
       const Camera& camera = ref.rig.views[static_cast<size_t>(v.view)].camera;
@@ -103,7 +105,7 @@ std::unique_ptr<BundleCovariance> CovarianceOf(const Task& task, Localization* r
   std::vector<PlacedViews> references;
   for (const ReferenceAnswer& answer : result->references) references.push_back(answer.views);
   p.pose_shifts.resize(0, 0);
-  const Eigen::MatrixXd by_views = PoseShiftsByViews(references, p, r.image_of, task.threads, task.cancel);
+  const Eigen::MatrixXd by_views = PoseShiftsByViews(references, p, task.threads, task.cancel);
   p.pose_shifts = PoseShiftsByLenses(task.input, r, task.threads, task.cancel);
   if (by_views.size() > 0) {
     p.pose_shifts.conservativeResize(by_views.rows(), p.pose_shifts.cols() + by_views.cols());
@@ -367,22 +369,69 @@ void HoldReferences(Localization* result) {
   }
 }
 
+// Solved again with the noise that the references taken show.
+void SolveWithNoise(const Task& task, const std::vector<bool>& taken, Reconstruction* r) {
+  BundleProblem& p = r->problem;
+  const double factor = std::clamp(ReferenceNoiseFactor(*r, taken), 0.3, 10.0);
+  for (size_t k = 0; k < p.observations.size(); ++k) {
+    BearingObservation& o = p.observations[k];
+    if (!IsOf(*r, k, taken)) continue;
+    o.w /= static_cast<float>(factor);
+    o.active =
+        r->point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < task.options.registration.outlier_chi2;
+  }
+  r->summary = SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
+}
+
+// The panoramas taken by whom they are from: these are put together in the same way.
+std::map<std::string, std::vector<RigViews>> PanoramasBySource(const std::vector<ReferenceViews>& references,
+                                                               const std::vector<bool>& taken,
+                                                               const std::vector<ReferenceAnswer>& answers) {
+  std::map<std::string, std::vector<RigViews>> of_source;
+  for (size_t i = 0; i < references.size(); ++i) {
+    const ReferenceViews& r = references[i];
+    const int views = static_cast<int>(r.rig.views.size());
+    if (!taken[i] || answers[i].pose < 0 || r.kind != ReferenceKind::kPanorama || views < 2) continue;
+    of_source[r.source].push_back({answers[i].pose, answers[i].views.first, views});
+  }
+  return of_source;
+}
+
+// Panoramas whose views show themselves to be turned against each other.
+void TurnPanoramas(const Task& task, const std::vector<ReferenceViews>& references, const std::vector<bool>& taken,
+                   Localization* result) {
+  constexpr int kRounds = 4;
+  constexpr double kSettled = 0.05;  // of the sigma
+  Reconstruction& r = result->reconstruction;
+  BundleProblem& p = r.problem;
+  p.pose_shifts.resize(0, 0);
+  for (const auto& [source, panoramas] : PanoramasBySource(references, taken, result->references)) {
+    const auto shown = FindViewTurns(panoramas, p, task.threads, task.cancel);
+    if (!shown) continue;
+    const std::vector<TurnedView> views = FreeViews(panoramas, *shown, &p);
+    double sigma = *shown;
+    for (int round = 0; round < kRounds; ++round) {
+      SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
+      SolveWithNoise(task, taken, &r);
+      const double before = std::exchange(sigma, UpdateTurnSigma(views, task.threads, task.cancel, &p));
+      if (std::abs(sigma - before) < kSettled * before) break;
+    }
+    SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
+    task.progress.Log(LogLevel::kInfo,
+                      fmt::format("the parts of the panoramas{} are turned against each other by {:.2f} deg (1 sigma), "
+                                  "as their points show; the panoramas' sigmas contain it",
+                                  source.empty() ? "" : " from " + source, sigma * kRadToDeg));
+  }
+}
+
 // The references taken join the solution, with the noise that they show in it.
 void SolveWith(const Task& task, const std::vector<ReferenceViews>& references, const std::vector<bool>& taken,
                Localization* result) {
-  const RegistrationOptions& options = task.options.registration;
   Reconstruction& r = result->reconstruction;
-  BundleProblem& p = r.problem;
-  AddReferences(references, taken, options.sigma_px, &result->references, &r);
-  SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
-  const double factor = std::clamp(ReferenceNoiseFactor(r, taken), 0.3, 10.0);
-  for (size_t k = 0; k < p.observations.size(); ++k) {
-    BearingObservation& o = p.observations[k];
-    if (!IsOf(r, k, taken)) continue;
-    o.w /= static_cast<float>(factor);
-    o.active = r.point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < options.outlier_chi2;
-  }
-  r.summary = SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
+  AddReferences(references, taken, task.options.registration.sigma_px, &result->references, &r);
+  SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel);
+  SolveWithNoise(task, taken, &r);
+  TurnPanoramas(task, references, taken, result);
 }
 
 // The stitched sets follow once `refine` has seen what the others say.

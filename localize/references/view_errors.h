@@ -11,7 +11,8 @@ namespace trigpoint {
 
 // The views of a reference in a bundle problem.
 struct PlacedViews {
-  int first = -1;  // of them, index into BundleProblem::views; -1: not part of the problem
+  int pose = -1;   // the reference's; -1: not part of the problem
+  int first = -1;  // of them, index into BundleProblem::views; -1: likewise
   double focal_px = 0;
   ViewErrors errors;
 };
@@ -20,9 +21,9 @@ struct PlacedViews {
 // each error of the views, of one sigma and independent of the others: columns for BundleProblem::pose_shifts, which
 // must be empty. By the implicit function theorem, to first order,
 //   d poses / d error = -H^-1 d gradient / d error
-// with the points eliminated from both. `image_of`: of each observation of `p`; -1 - i: reference i. Nothing if all
+// with the points eliminated from both. Nothing if all
 // views are exact. Throws NumericError if the data do not determine `p`.
-Eigen::MatrixXd PoseShiftsByViews(const std::vector<PlacedViews>& references, const BundleProblem& p,
-                                  const std::vector<int>& image_of, int threads, const CancelToken& cancel);
+Eigen::MatrixXd PoseShiftsByViews(const std::vector<PlacedViews>& references, const BundleProblem& p, int threads,
+                                  const CancelToken& cancel);
 
 }  // namespace trigpoint

@@ -14,6 +14,7 @@
 #include "calib/base/union_find.h"
 #include "calib/estimation/loss.h"
 #include "calib/geo/geodetic.h"
+#include "localize/references/view_turns.h"
 
 namespace trigpoint {
 namespace {
@@ -148,24 +149,36 @@ class Placing {
   std::map<std::string, Rigid3d> world_;      // where shared things lie
 };
 
-// The first view of each reference of a run's problem: they follow the cameras, in the order of the poses. A reference
-// that was rejected after the solution has lost its pose, but its observations and views are still in the problem.
+// The first view of each reference of a run's problem: each has its views in one row, behind those before it, and they
+// follow the cameras. A reference that was rejected after the solution has lost its pose, but its observations and
+// views are still in the problem.
 std::map<int, int> FirstViews(const SiteRun& run) {
   const Solution& s = run.solution;
-  std::map<int, size_t> by_pose;
+  std::map<int, int> least;  // view of a reference that is seen
   for (size_t k = 0; k < s.image_of.size(); ++k) {
-    if (s.image_of[k] < 0) by_pose[s.problem.observations[k].pose] = static_cast<size_t>(-1 - s.image_of[k]);
+    if (s.image_of[k] >= 0) continue;
+    const int view = s.problem.observations[k].view;
+    const auto [at, fresh] = least.try_emplace(-1 - s.image_of[k], view);
+    at->second = std::min(at->second, view);
   }
-  for (size_t i = 0; i < s.references.size(); ++i) {
-    if (s.references[i].pose >= 0) by_pose[s.references[i].pose] = i;
-  }
+  std::map<int, int> in_order;
+  for (const auto& [reference, view] : least) in_order[view] = reference;
   std::map<int, int> first;
   int view = static_cast<int>(run.input.cameras.size());
-  for (const auto& [pose, reference] : by_pose) {
-    first[static_cast<int>(reference)] = view;
-    view += static_cast<int>(run.input.references[reference].rig.views.size());
+  for (const auto& [seen, reference] : in_order) {
+    first[reference] = view;
+    view += static_cast<int>(run.input.references[static_cast<size_t>(reference)].rig.views.size());
   }
   return first;
+}
+
+// How views are tied to the pose of their moment or panorama, by their own poses.
+std::map<int, PoseFactor> TiesOf(const Solution& s) {
+  std::map<int, PoseFactor> ties;
+  for (const PoseFactor& f : s.problem.factors) {
+    if (IsTie(f)) ties[f.a] = f;
+  }
+  return ties;
 }
 
 double Threshold(const std::shared_ptr<const ceres::LossFunction>& loss) {
@@ -275,12 +288,18 @@ class Joiner {
     r_.point_valid.insert(r_.point_valid.end(), s.point_valid.begin(), s.point_valid.end());
     r_.dropped_observations += s.dropped_observations;
     AddReferences(*run, index, placed);
+    AddTurnedViews(*run, part, world_from_odom);
     AddObservations(*run, index, first_point);
     run->solution = {};
     run->solution.run = part.name;
   }
 
  private:
+  struct Local {
+    int id = -1;  // of the joint references
+    int old_view = 0, new_view = 0;
+  };
+
   // Poses and views of the references that the run has localized.
   void AddReferences(const SiteRun& run, int index, const PlacedRun& placed) {
     const std::map<int, int> first_views = FirstViews(run);
@@ -310,7 +329,8 @@ class Joiner {
         joint.agreeing += one.agreeing;
         joint.distance_m = std::min(joint.distance_m, one.distance_m);
       }
-      local_.back().old_view = first_views.at(static_cast<int>(i));
+      const auto first = first_views.find(static_cast<int>(i));
+      local_.back().old_view = first == first_views.end() ? 0 : first->second;
       local_.back().new_view = static_cast<int>(p_.views.size());
       for (size_t v = 0; v < run.input.references[i].rig.views.size(); ++v) {
         p_.views.push_back(run.solution.problem.views[static_cast<size_t>(local_.back().old_view) + v]);
@@ -319,20 +339,57 @@ class Joiner {
     }
   }
 
+  // Views that are turned against their moment or panorama: all runs that see one see the same turn.
+  void AddTurnedViews(const SiteRun& run, const SolutionRun& part, const Sim3d& world_from_odom) {
+    const Solution& s = run.solution;
+    const std::map<int, PoseFactor> ties = TiesOf(s);
+    if (ties.empty()) return;
+    for (size_t k = 0; k < s.problem.observations.size(); ++k) {
+      const BearingObservation& o = s.problem.observations[k];
+      const auto tie = ties.find(o.pose);
+      if (tie == ties.end()) continue;
+      const Seen seen = SeenBy(s.image_of[k], o, part);
+      if (seen.rig < 0) continue;
+      const auto [at, fresh] = pose_of_view_.try_emplace({seen.rig, seen.view}, static_cast<int>(p_.poses.size()));
+      if (!fresh) continue;
+      p_.poses.push_back(InWorld(world_from_odom, OdomFromRig(s, o.pose)));
+      PoseFactor f = tie->second;
+      f.a = at->second, f.b = seen.rig;
+      p_.factors.push_back(f);
+    }
+  }
+
+  // What an observation is from, in the joint problem: the pose of a body or a reference (-1: of none), and the camera
+  // or the reference's view.
+  struct Seen {
+    int rig = -1, view = 0;
+  };
+  Seen SeenBy(int image, const BearingObservation& o, const SolutionRun& part) const {
+    if (image >= 0) {
+      return {out_.input.images[static_cast<size_t>(image + part.first_image)].pose, o.view + part.first_camera};
+    }
+    const Local& local = local_[static_cast<size_t>(-1 - image)];
+    if (local.id < 0) return {};
+    return {out_.references[static_cast<size_t>(local.id)].pose, o.view - local.old_view};
+  }
+
   void AddObservations(const SiteRun& run, int index, int first_point) {
     const Solution& s = run.solution;
     const SolutionRun& part = out_.runs[static_cast<size_t>(index)];
+    const std::map<int, PoseFactor> ties = TiesOf(s);
     for (size_t k = 0; k < s.problem.observations.size(); ++k) {
       BearingObservation o = s.problem.observations[k];
       int image = s.image_of[k], view_of = -1;
+      const Seen seen = SeenBy(image, o, part);
+      const auto own = ties.count(o.pose) > 0 ? pose_of_view_.find({seen.rig, seen.view}) : pose_of_view_.end();
+      o.pose = own != pose_of_view_.end() ? own->second : seen.rig;
       if (image >= 0) {
-        o.pose += part.first_pose, o.view += part.first_camera;
+        o.view += part.first_camera;
         image += part.first_image;
       } else {
         const Local& local = local_[static_cast<size_t>(-1 - image)];
         if (local.id < 0) continue;
         view_of = o.view - local.old_view;
-        o.pose = out_.references[static_cast<size_t>(local.id)].pose;
         o.view = local.new_view + view_of;
         image = -1 - local.id;
       }
@@ -344,16 +401,13 @@ class Joiner {
     }
   }
 
-  struct Local {
-    int id = -1;  // of the joint references
-    int old_view = 0, new_view = 0;
-  };
   double tilt_sigma_rad_;
   JoinedRuns& out_;
   Reconstruction& r_;
   BundleProblem& p_;
   std::map<std::string, int> reference_;
-  std::vector<Local> local_;  // of the run that is added
+  std::map<std::pair<int, int>, int> pose_of_view_;  // of a rig's pose and its view, where that is turned
+  std::vector<Local> local_;                         // of the run that is added
 };
 
 // Joins the groups of points that `root` names.

@@ -34,7 +34,7 @@ std::vector<PlacedRun> PlaceRuns(const std::vector<SiteRun>& runs, const WorldEv
 
 struct JoinedRuns {
   LocalizeInput input;            // cameras, images, body poses one after the other; references by name, each once
-  Reconstruction reconstruction;  // in the world: body poses, then references
+  Reconstruction reconstruction;  // in the world: body poses, references, turned views
   std::vector<SolutionRun> runs;
   std::vector<int> run_of_image, run_of_point;
   std::vector<SolutionReference> references;        // as input.references

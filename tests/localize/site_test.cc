@@ -3,11 +3,14 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <map>
+#include <set>
 
 #include "calib/base/error.h"
 #include "calib/estimation/loss.h"
 #include "calib/estimation/random.h"
 #include "datasets/solution/solution_covariance.h"
+#include "localize/references/view_turns.h"
 #include "localize/site/adjust_site.h"
 #include "tests/localize/world_tags.h"
 #include "tests/synthetic/synthetic_site.h"
@@ -354,6 +357,49 @@ TEST(Site, ViewsOfPanoramasStayTheirOwnBesideARejectedOne) {
     ++seen;
   }
   EXPECT_GT(seen, 0);
+}
+
+// Views that are turned against their panorama have poses of their own: all runs that see one show the same turn.
+TEST(Site, TurnedViewsOfAPanoramaAreThoseOfAllRuns) {
+  Random random(12);
+  const World w = MakeWorld(&random);
+  std::vector<SiteRun> runs;
+  for (int run = 0; run < 2; ++run) {
+    BundleProblem& p = runs.emplace_back(MakeRun(run, w, &random)).solution.problem;
+    std::vector<RigViews> rigs;
+    for (int k = 0; k < kPanoramas; ++k) rigs.push_back({kPoses + k, 1 + 8 * k, 8});
+    EXPECT_GT(FreeViews(rigs, 0.002, &p).size(), 0U);
+  }
+  std::vector<std::string> warnings;
+  const std::vector<PlacedRun> placed = PlaceRuns(runs, {}, &warnings);
+  const JoinedRuns joined = JoinRuns(&runs, placed, 0.1);
+  const BundleProblem& p = joined.reconstruction.problem;
+  std::map<int, int> rig_of;
+  for (const PoseFactor& f : p.factors) {
+    if (IsTie(f)) rig_of[f.a] = f.b;
+  }
+  std::map<std::pair<int, int>, std::set<int>> poses;  // of a panorama and its view
+  std::map<std::pair<int, int>, std::set<int>> of_runs;
+  for (size_t k = 0; k < p.observations.size(); ++k) {
+    const int image = joined.reconstruction.image_of[k], pose = p.observations[k].pose;
+    if (image >= 0) {
+      EXPECT_EQ(pose, joined.input.images[static_cast<size_t>(image)].pose);
+      continue;
+    }
+    ASSERT_EQ(rig_of.count(pose), 1U);
+    EXPECT_EQ(rig_of.at(pose), joined.references[static_cast<size_t>(-1 - image)].pose);
+    poses[{image, joined.view_of[k]}].insert(pose);
+    of_runs[{image, joined.view_of[k]}].insert(joined.run_of_point[static_cast<size_t>(p.observations[k].point)]);
+  }
+  EXPECT_EQ(rig_of.size(), poses.size());
+  EXPECT_EQ(p.poses.size(), 2U * kPoses + kPanoramas + poses.size());
+  EXPECT_EQ(p.pose_constant.size(), p.poses.size());
+  int shared = 0;
+  for (const auto& [view, own] : poses) {
+    EXPECT_EQ(own.size(), 1U);
+    shared += of_runs.at(view).size() == 2 ? 1 : 0;
+  }
+  EXPECT_GT(shared, 0);
 }
 
 TEST(Site, NotesWhatGeotagsState) {

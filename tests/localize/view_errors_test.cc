@@ -70,12 +70,9 @@ Nees Redraw(BundleProblem truth, const std::vector<Rigid3d>& views, const Camera
             Random* random) {
   BundleProblem p = truth;
   p.views = views;
-  std::vector<int> image_of;
   for (int j = 0; j < kPoints; ++j) {
     for (int i = 0; i < kImages; ++i) See(truth, j, i, 0, CameraOf(kFocal_px), random, &p);
-    image_of.resize(p.observations.size(), 0);
     for (int v = 1; v < static_cast<int>(views.size()); ++v) See(truth, j, kImages, v, shown, random, &p);
-    image_of.resize(p.observations.size(), -1);
   }
   for (int i = 0; i + 1 < kImages; ++i) {
     PoseFactor f;
@@ -100,7 +97,7 @@ Nees Redraw(BundleProblem truth, const std::vector<Rigid3d>& views, const Camera
   };
   Nees out;
   out.without = nees();
-  p.pose_shifts = PoseShiftsByViews({{1, kFocal_px, errors}}, p, image_of, 1, cancel);
+  p.pose_shifts = PoseShiftsByViews({{kImages, 1, kFocal_px, errors}}, p, 1, cancel);
   out.columns = p.pose_shifts.cols();
   out.with = nees();
   return out;
@@ -174,7 +171,7 @@ TEST(PoseShiftsByViews, ARigsPlaceIsAsGoodAsItsShapeAndSizeAllow) {
 TEST(PoseShiftsByViews, ExactViewsMoveNothing) {
   Scene scene;
   scene.truth.views = {Rigid3d(), Rigid3d()};
-  EXPECT_EQ(PoseShiftsByViews({{1, kFocal_px, {}}}, scene.truth, {}, 1, {}).size(), 0);
+  EXPECT_EQ(PoseShiftsByViews({{kImages, 1, kFocal_px, {}}}, scene.truth, 1, {}).size(), 0);
 }
 
 // Photos of one focal length err alike, and the others independently.
@@ -183,13 +180,11 @@ TEST(PoseShiftsByViews, PhotosOfOneFocalLengthShareItsError) {
   Scene scene;
   BundleProblem p = scene.truth;
   p.views.assign(4, Rigid3d());
-  std::vector<int> image_of;
   p.poses.insert(p.poses.end(), 2, p.poses.back());
   scene.truth = p;
   for (int j = 0; j < kPoints; ++j) {
     for (int v = 1; v <= 3; ++v) {
       See(scene.truth, j, kImages + v - 1, v, CameraOf(kFocal_px), &random, &p);
-      image_of.resize(p.observations.size(), -v);
     }
   }
   p.points_constant = true;
@@ -197,8 +192,8 @@ TEST(PoseShiftsByViews, PhotosOfOneFocalLengthShareItsError) {
   std::fill(p.pose_constant.begin() + kImages, p.pose_constant.end(), false);
   ViewErrors errors;
   errors.focal_share = 0.05;
-  const Eigen::MatrixXd shifts =
-      PoseShiftsByViews({{1, 500, errors}, {2, 500, errors}, {3, 700, errors}}, p, image_of, 1, {});
+  const Eigen::MatrixXd shifts = PoseShiftsByViews(
+      {{kImages, 1, 500, errors}, {kImages + 1, 2, 500, errors}, {kImages + 2, 3, 700, errors}}, p, 1, {});
   ASSERT_EQ(shifts.cols(), 2);
   const auto depth = [&](int photo, int column) { return std::abs(shifts(6 * (kImages + photo) + 5, column)); };
   // 5 % of distances of 10 m

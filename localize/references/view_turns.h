@@ -1,0 +1,45 @@
+// Views of one moment that are turned against each other (docs/method.md section 4). A panorama is put together from
+// pictures: mistakes of the stitching and, as their lenses stand apart, parallax turn these by some hundredths to
+// tenths of a degree, from panorama to panorama differently. All points of a view are off alike then, and count for
+// less than their number.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "calib/estimation/bundle.h"
+
+namespace trigpoint {
+
+// A rig of views in a bundle problem: a panorama.
+struct RigViews {
+  int pose = 0;
+  int first_view = 0, views = 0;  // of BundleProblem::views
+};
+
+// 1 sigma of a view's turn about each axis, rad, by the marginal likelihood of the residuals of `p`, which is solved,
+// with no pose_shifts: a variance component, one for all of the rigs, each of which is looked at with the others as
+// they are. Nothing if chance explains the residuals in more than one case of twenty. Throws NumericError if the data
+// do not determine `p`.
+std::optional<double> FindViewTurns(const std::vector<RigViews>& rigs, const BundleProblem& p, int threads,
+                                    const CancelToken& cancel);
+
+// Whether the factor ties a view's own pose to that of its rig.
+inline bool IsTie(const PoseFactor& f) { return f.kind == PoseFactor::Kind::kBetween && f.scale < 0 && f.b < f.a; }
+
+// A view's own pose in a bundle problem: that of the rig as this view shows it.
+struct TurnedView {
+  int pose = 0;
+  int factor = 0;  // that ties it to the rig's pose: index into BundleProblem::factors
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // of the view, rig axes
+};
+
+// Every view of the rigs that sees a point gets a pose of its own at the end of `p`, turned against the rig's about the
+// view's centre by an unknown of that sigma.
+std::vector<TurnedView> FreeViews(const std::vector<RigViews>& rigs, double sigma_rad, BundleProblem* p);
+
+// The sigma by the turns that `p`, solved with these views, shows and what it leaves open of them
+// (expectation-maximisation): the factors get it. Returns it, rad.
+double UpdateTurnSigma(const std::vector<TurnedView>& views, int threads, const CancelToken& cancel, BundleProblem* p);
+
+}  // namespace trigpoint
