@@ -420,6 +420,39 @@ std::optional<std::string> FindStandstill(const LocalizeInput& input, const std:
       odometry, moved, compared);
 }
 
+// Odometry that has one pose twice, number for number, while the images turn in between: it stood still and jumped
+// after. Things that pass before a body at rest look like a motion, but not like a turn.
+std::optional<std::string> FindFrozen(const LocalizeInput& input, const std::string& odometry,
+                                      const OdometryCheckOptions& options, uint64_t seed) {
+  constexpr double kSame = 1e-6, kTurned_rad = 3 * kDegToRad, kSigmas = 5;
+  constexpr int kLooks = 16;
+  const std::vector<int> next = NextOfCamera(input);
+  int looked = 0;
+  for (size_t i = 0; i < input.images.size() && looked < kLooks; ++i) {
+    if (next[i] < 0) continue;
+    const int a = input.images[i].pose, b = input.images[static_cast<size_t>(next[i])].pose;
+    const Rigid3d step =
+        input.odom_from_body[static_cast<size_t>(a)].Inverse() * input.odom_from_body[static_cast<size_t>(b)];
+    const double turn = AngleBetween(step.rotation, Eigen::Quaterniond::Identity());
+    if (a == b || step.translation.norm() > kSame || turn > kSame) continue;
+    ++looked;
+    const std::optional<MatchedPair> pair =
+        Match(ReadView(input, static_cast<int>(i)), ReadView(input, next[i]), options);
+    const auto motion = pair ? Measure(input, *pair, options, seed) : std::nullopt;
+    if (!motion) continue;
+    const double turned = AngleBetween(motion->b_from_a.rotation, Eigen::Quaterniond::Identity());
+    if (turned < std::max(kTurned_rad, kSigmas * motion->sigma_rotation_rad)) continue;
+    return fmt::format(
+        "{}: jumps: it has one and the same pose at {:.3f} and {:.3f} s, while the images turn by {:.1f} deg (1 sigma "
+        "{:.1f} deg) in between: it stood still, and follows at once later; expected a pose of each moment. Option "
+        "check_conventions=false skips this check",
+        odometry, 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(a)]),
+        1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(b)]), turned * kRadToDeg,
+        motion->sigma_rotation_rad * kRadToDeg);
+  }
+  return std::nullopt;
+}
+
 // Names the first jump of odometry; nothing where images show none.
 std::optional<std::string> FindJump(const LocalizeInput& input, const std::string& odometry, const JumpGates& gates,
                                     const OdometryCheckOptions& options, int threads, uint64_t seed,
@@ -631,6 +664,7 @@ OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whol
   const int images = static_cast<int>(input.images.size());
   progress.Begin("odometry against images", 0);
   if (auto still = FindStandstill(input, odometry, options)) return {still, {}};
+  if (auto frozen = FindFrozen(input, odometry, options, seed)) return {frozen, {}};
   const std::vector<MeasuredMotion> motions = images <= options.pairs
                                                   ? MeasureNeighbours(input, options, threads, seed, cancel)
                                                   : MeasureSample(input, options, threads, seed, cancel);

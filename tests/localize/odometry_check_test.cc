@@ -186,6 +186,18 @@ TEST(OdometryCheck, TakesWhatIsOffEverywhereForNoise) {
   EXPECT_LE(refused, all / 20) << "of " << all;
 }
 
+// Odometry may stand still only where the images do.
+TEST(OdometryCheck, NamesAPoseThatIsThereTwiceWhileImagesTurn) {
+  for (const bool images_stand : {false, true}) {
+    Drive drive = MakeDrive(1.6, 3, 2.0);
+    const size_t middle = drive.seen.size() / 2;
+    drive.input.odom_from_body[middle] = drive.input.odom_from_body[middle - 1];
+    if (images_stand) drive.seen[middle] = drive.seen[middle - 1];
+    const std::string found = ContradictionOf(drive);
+    EXPECT_EQ(found.find("one and the same pose") != std::string::npos, !images_stand) << found;
+  }
+}
+
 TEST(OdometryCheck, NamesImagesThatAreOnePicture) {
   Drive drive = MakeDrive(0.25, 1, 1.0);
   for (auto& seen : drive.seen) seen.features = drive.seen.front().features;
