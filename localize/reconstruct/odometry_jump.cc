@@ -5,6 +5,8 @@
 #include <map>
 #include <vector>
 
+#include "calib/estimation/bundle_terms.h"
+#include "calib/estimation/loss.h"
 #include "calib/estimation/ransac.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
@@ -213,6 +215,96 @@ std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const R
     }
   }
   return std::nullopt;
+}
+
+namespace {
+
+// What correlation along tracks widens the noise by, at most (CorrelationInflation of reconstruct.cc).
+constexpr double kMostCorrelated = 4.36;
+
+std::shared_ptr<const ceres::LossFunction> LossTimes(const std::shared_ptr<const ceres::LossFunction>& loss,
+                                                     double factor) {
+  const auto* const known = dynamic_cast<const Chi2Loss*>(loss.get());
+  if (known == nullptr) return loss;
+  return MakeLoss(known->name(), factor * known->threshold());
+}
+
+// Odometry's steps from moment to moment: indices of factors.
+std::vector<size_t> OdometrySteps(const LocalizeInput& input, const BundleProblem& p) {
+  const std::vector<int> moments = MomentsOfPoses(input);
+  const auto moment = [&](int pose) { return moments[static_cast<size_t>(pose)]; };
+  std::vector<size_t> steps;
+  for (size_t k = 0; k < p.factors.size(); ++k) {
+    const PoseFactor& f = p.factors[k];
+    if (f.kind == PoseFactor::Kind::kBetween && f.scale >= 0 && moment(f.a) != moment(f.b)) steps.push_back(k);
+  }
+  return steps;
+}
+
+// Solved again without one step; its cost.
+double SolveWithout(size_t step, const BundleOptions& bundle, const CancelToken& cancel, BundleProblem* p) {
+  constexpr double kNearlyNothing = 1e-3;  // the run stays in one piece
+  PoseFactor& f = p->factors[step];
+  f.sqrt_info *= kNearlyNothing;
+  f.loss = nullptr;
+  ProgressSink silent;
+  return SolveBundle(*p, bundle, silent, cancel).final_cost;
+}
+
+// Of the other steps, per degree of freedom.
+double MeanSquaredResidual(const BundleProblem& p, const std::vector<size_t>& steps, size_t without) {
+  double sum = 0;
+  for (const size_t k : steps) sum += k == without ? 0 : SquaredError(p, p.factors[k]);
+  return sum / (6.0 * static_cast<double>(steps.size() - 1));
+}
+
+// Of `p`, solved: the steps that fit worst, all if they are few.
+std::vector<size_t> WorstSteps(const BundleProblem& p, std::vector<size_t> steps) {
+  constexpr size_t kMost = 10;
+  std::stable_sort(steps.begin(), steps.end(),
+                   [&](size_t a, size_t b) { return SquaredError(p, p.factors[a]) > SquaredError(p, p.factors[b]); });
+  if (steps.size() > kMost) steps.resize(kMost);
+  return steps;
+}
+
+}  // namespace
+
+std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input, const Reconstruction& r, int threads,
+                                                     const CancelToken& cancel) {
+  constexpr size_t kLeastSteps = 5;
+  constexpr double kLeastGain = 38.3;  // chi-square of 6 degrees of freedom, once in a million
+  constexpr double kOfBest = 0.5, kLeast_m = 0.2, kLeastPart = 0.2;
+  const std::vector<size_t> steps = OdometrySteps(input, r.problem);
+  if (!input.has_odometry || steps.size() < kLeastSteps || r.correlation_inflation < kMostCorrelated) return {};
+  BundleProblem p = r.problem;
+  const double narrower = r.correlation_inflation / kMostCorrelated;
+  for (BearingObservation& o : p.observations) o.w *= static_cast<float>(narrower);
+  p.loss = LossTimes(p.loss, narrower * narrower);
+  BundleOptions bundle;
+  bundle.threads = threads;
+  ProgressSink silent;
+  const double cost = SolveBundle(p, bundle, silent, cancel).final_cost;
+  ContradictedStep found;
+  double second = 0;
+  BundleProblem best;
+  size_t left_out = 0;
+  for (const size_t k : WorstSteps(p, steps)) {
+    BundleProblem q = p;
+    const double gain = 2 * (cost - SolveWithout(k, bundle, cancel, &q));
+    second = std::max(second, std::min(gain, found.gain));
+    if (gain <= found.gain) continue;
+    found.gain = gain, left_out = k;
+    best = std::move(q);
+  }
+  if (found.gain < kLeastGain || second > kOfBest * found.gain) return {};
+  const double limit = 1 + 2 / std::sqrt(3.0 * static_cast<double>(steps.size() - 1));
+  if (MeanSquaredResidual(best, steps, left_out) > limit) return {};
+  const PoseFactor& f = best.factors[left_out];
+  const Rigid3d moved = best.poses[static_cast<size_t>(f.a)] * best.poses[static_cast<size_t>(f.b)].Inverse();
+  found.before = f.a, found.after = f.b;
+  found.shift_m = moved.translation - best.scales.front().value * f.measured.translation;
+  if (found.shift_m.norm() < std::max(kLeast_m, kLeastPart * f.measured.translation.norm())) return {};
+  return found;
 }
 
 }  // namespace trigpoint

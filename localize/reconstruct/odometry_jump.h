@@ -23,4 +23,17 @@ struct JumpByPoints {
 std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const Reconstruction& reconstruction,
                                              uint64_t seed);
 
+// One step of odometry that images contradict, while they agree with all others.
+struct ContradictedStep {
+  int before = 0, after = 0;                          // body poses
+  Eigen::Vector3d shift_m = Eigen::Vector3d::Zero();  // of `after` against odometry by the images, axes of the body
+  double gain = 0;                                    // in chi-square if the step is not believed
+};
+
+// Looks at runs whose features' noise was widened, as odometry contradicts the images, beyond what correlation along
+// tracks explains: each step, or of many those that fit worst, is left out by itself. Nothing unless one of them alone
+// explains the contradiction, differs by more than its noise and moves the run visibly.
+std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                                     int threads, const CancelToken& cancel);
+
 }  // namespace trigpoint

@@ -292,6 +292,29 @@ TEST(OdometryJump, AlongThePathIsShownByPoints) {
   }
 }
 
+// A jump that the solution spreads over the run: half a step, along the path.
+TEST(OdometryJump, OfHalfAStepIsTheOneThatImagesContradict) {
+  constexpr double kJump_m = 0.5;
+  for (const bool jumps : {false, true}) {
+    Drive drive = MakeDrive(0.15, 3, 0.9);
+    const size_t middle = drive.seen.size() / 2;
+    const Eigen::Vector3d ahead = drive.input.odom_from_body[middle].rotation * Eigen::Vector3d::UnitX();
+    for (size_t k = middle; k < drive.seen.size() && jumps; ++k) {
+      drive.input.odom_from_body[k].translation += kJump_m * ahead;
+    }
+    drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
+    ProgressSink progress;
+    const RunReconstruction run = ReconstructRun(drive.input, {}, false, 2, 1, progress, {});
+    EXPECT_FALSE(FindJumpByPoints(drive.input, run.reconstruction, 1));
+    const auto step = FindContradictedStep(drive.input, run.reconstruction, 2, {});
+    ASSERT_EQ(step.has_value(), jumps) << run.reconstruction.correlation_inflation;
+    if (!jumps) continue;
+    EXPECT_EQ(step->before, static_cast<int>(middle) - 1);
+    EXPECT_EQ(step->after, static_cast<int>(middle));
+    EXPECT_NEAR(step->shift_m.norm(), kJump_m, 0.3 * kJump_m);
+  }
+}
+
 TEST(OdometryCheck, NamesACameraThatIsTurned) {
   for (const Eigen::Vector3d& deg :
        {Eigen::Vector3d(0, 5, 0), Eigen::Vector3d(-4, 3, 0), Eigen::Vector3d(0.5, -0.5, 0)}) {
