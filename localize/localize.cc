@@ -8,7 +8,6 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <utility>
 
 #include "calib/base/median.h"
 #include "calib/base/parallel.h"
@@ -87,15 +86,16 @@ bool IsOf(const Reconstruction& r, size_t k, const std::vector<bool>& taken) {
 }
 
 // Noise of the observations of the references taken from their residuals (points carry their share): one factor for
-// all.
-double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& taken) {
+// all. `unknowns`: degrees of freedom that these have taken.
+double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& taken, double unknowns) {
   std::vector<double> errors;
   for (size_t k = 0; k < r.problem.observations.size(); ++k) {
     if (IsOf(r, k, taken) && r.problem.observations[k].active)
       errors.push_back(SquaredError(r.problem, r.problem.observations[k]));
   }
   if (errors.size() < 50) return 1;
-  return SigmaRatio(std::move(errors), 2);
+  const double values = 2 * static_cast<double>(errors.size());
+  return SigmaRatio(std::move(errors), 2) / std::sqrt(std::max(0.1, 1 - unknowns / values));
 }
 
 // Of the solved problem, with what the lenses and the references' views leave open.
@@ -370,9 +370,9 @@ void HoldReferences(Localization* result) {
 }
 
 // Solved again with the noise that the references taken show.
-void SolveWithNoise(const Task& task, const std::vector<bool>& taken, Reconstruction* r) {
+void SolveWithNoise(const Task& task, const std::vector<bool>& taken, double unknowns, Reconstruction* r) {
   BundleProblem& p = r->problem;
-  const double factor = std::clamp(ReferenceNoiseFactor(*r, taken), 0.3, 10.0);
+  const double factor = std::clamp(ReferenceNoiseFactor(*r, taken, unknowns), 0.3, 10.0);
   for (size_t k = 0; k < p.observations.size(); ++k) {
     BearingObservation& o = p.observations[k];
     if (!IsOf(*r, k, taken)) continue;
@@ -409,18 +409,18 @@ void TurnPanoramas(const Task& task, const std::vector<ReferenceViews>& referenc
     const auto shown = FindViewTurns(panoramas, p, task.threads, task.cancel);
     if (!shown) continue;
     const std::vector<TurnedView> views = FreeViews(panoramas, *shown, &p);
-    double sigma = *shown;
+    TurnsShown turns{*shown, 0};
     for (int round = 0; round < kRounds; ++round) {
       SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
-      SolveWithNoise(task, taken, &r);
-      const double before = std::exchange(sigma, UpdateTurnSigma(views, task.threads, task.cancel, &p));
-      if (std::abs(sigma - before) < kSettled * before) break;
+      const double before = turns.sigma_rad;
+      turns = UpdateTurns(views, task.threads, task.cancel, &p);
+      SolveWithNoise(task, taken, turns.unknowns, &r);
+      if (std::abs(turns.sigma_rad - before) < kSettled * before) break;
     }
-    SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
     task.progress.Log(LogLevel::kInfo,
-                      fmt::format("the parts of the panoramas{} are turned against each other by {:.2f} deg (1 sigma), "
+                      fmt::format("the parts of the panoramas{} are turned against each other by {:.3f} deg (1 sigma), "
                                   "as their points show; the panoramas' sigmas contain it",
-                                  source.empty() ? "" : " from " + source, sigma * kRadToDeg));
+                                  source.empty() ? "" : " from " + source, turns.sigma_rad * kRadToDeg));
   }
 }
 
@@ -430,7 +430,7 @@ void SolveWith(const Task& task, const std::vector<ReferenceViews>& references, 
   Reconstruction& r = result->reconstruction;
   AddReferences(references, taken, task.options.registration.sigma_px, &result->references, &r);
   SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel);
-  SolveWithNoise(task, taken, &r);
+  SolveWithNoise(task, taken, 0, &r);
   TurnPanoramas(task, references, taken, result);
 }
 

@@ -53,7 +53,7 @@ struct ReferenceAnswer {
 };
 
 struct Localization {
-  Reconstruction reconstruction;        // poses: body_from_odom of all images first, then references
+  Reconstruction reconstruction;        // poses: body_from_odom of all images, references, turned views
   std::vector<Rigid3d> body_from_odom;  // optimised, one a body pose
   std::vector<ReferenceAnswer> references;
   bool on_earth = false;

@@ -98,23 +98,37 @@ void HeedLenses(const LocalizeInput& input, RunReconstruction* run, StageContext
       PoseShiftsByLenses(input, run->reconstruction, context.threads, context.cancel);
 }
 
+// Refuses odometry with a jump that the solution has spread over the run.
+void RequireNoContradictedStep(const Run& run, const LocalizeInput& input, const Reconstruction& reconstruction,
+                               const StageContext& context) {
+  std::optional<ContradictedStep> step;
+  try {
+    step = FindContradictedStep(input, reconstruction, context.threads, context.cancel);
+  } catch (const NumericError&) {
+    return;  // what does not determine the poses contradicts no step
+  }
+  if (!step) return;
+  const auto seconds = [&](int pose) {
+    return 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(pose)]);
+  };
+  const std::string text = fmt::format(
+      "{}: jumps by about {:.2f} m between {:.3f} and {:.3f} s: the images contradict this step and agree with all "
+      "others (chi-square falls by {:.0f} without it); expected a continuous motion without corrections by GPS or "
+      "loops. Images of something that repeats along the way look the same: then option check_conventions=false skips "
+      "this check",
+      (run.dir / "odometry.tum").string(), step->shift_m.norm(), seconds(step->before), seconds(step->after),
+      step->gain);
+  throw RefusedInput(kRefusedOdometry, text);
+}
+
 // Refuses odometry that jumps along the direction of motion, which no pair of images contradicts.
 void RequireNoJump(const Run& run, const LocalizeInput& input, const Reconstruction& reconstruction,
                    const StageContext& context) {
   const auto seconds = [&](int pose) {
     return 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(pose)]);
   };
-  if (const auto step = FindContradictedStep(input, reconstruction, context.threads, context.cancel)) {
-    const std::string text = fmt::format(
-        "{}: jumps by {:.2f} m between {:.3f} and {:.3f} s: by this step alone it contradicts the images, which agree "
-        "with all its other steps (chi-square falls by {:.0f} without it); expected a continuous motion without "
-        "corrections by GPS or loops. Option check_conventions=false skips this check",
-        (run.dir / "odometry.tum").string(), step->shift_m.norm(), seconds(step->before), seconds(step->after),
-        step->gain);
-    throw RefusedInput(kRefusedOdometry, text);
-  }
   const auto jump = FindJumpByPoints(input, reconstruction, context.seed);
-  if (!jump) return;
+  if (!jump) return RequireNoContradictedStep(run, input, reconstruction, context);
   const std::string text = fmt::format(
       "{}: jumps between {:.3f} and {:.3f} s: {} of {} points that images on both sides show fit each other if all "
       "that follows is moved by {:.2f} m, and {} as it is; expected a continuous motion without corrections by GPS or "

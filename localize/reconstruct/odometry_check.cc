@@ -420,35 +420,49 @@ std::optional<std::string> FindStandstill(const LocalizeInput& input, const std:
       odometry, moved, compared);
 }
 
-// Odometry that has one pose twice, number for number, while the images turn in between: it stood still and jumped
-// after. Things that pass before a body at rest look like a motion, but not like a turn.
+// Odometry that has one pose twice, number for number, and then catches up, while the images turn in between. Things
+// that pass before a body at rest look like a motion, but not like a turn.
 std::optional<std::string> FindFrozen(const LocalizeInput& input, const std::string& odometry,
-                                      const OdometryCheckOptions& options, uint64_t seed) {
+                                      const OdometryCheckOptions& options, uint64_t seed, const CancelToken& cancel) {
   constexpr double kSame = 1e-6, kTurned_rad = 3 * kDegToRad, kSigmas = 5;
-  constexpr int kLooks = 16;
   const std::vector<int> next = NextOfCamera(input);
-  int looked = 0;
-  for (size_t i = 0; i < input.images.size() && looked < kLooks; ++i) {
-    if (next[i] < 0) continue;
-    const int a = input.images[i].pose, b = input.images[static_cast<size_t>(next[i])].pose;
-    const Rigid3d step =
-        input.odom_from_body[static_cast<size_t>(a)].Inverse() * input.odom_from_body[static_cast<size_t>(b)];
-    const double turn = AngleBetween(step.rotation, Eigen::Quaterniond::Identity());
-    if (a == b || step.translation.norm() > kSame || turn > kSame) continue;
-    ++looked;
-    const std::optional<MatchedPair> pair =
-        Match(ReadView(input, static_cast<int>(i)), ReadView(input, next[i]), options);
-    const auto motion = pair ? Measure(input, *pair, options, seed) : std::nullopt;
-    if (!motion) continue;
-    const double turned = AngleBetween(motion->b_from_a.rotation, Eigen::Quaterniond::Identity());
-    if (turned < std::max(kTurned_rad, kSigmas * motion->sigma_rotation_rad)) continue;
-    return fmt::format(
-        "{}: jumps: it has one and the same pose at {:.3f} and {:.3f} s, while the images turn by {:.1f} deg (1 sigma "
-        "{:.1f} deg) in between: it stood still, and follows at once later; expected a pose of each moment. Option "
-        "check_conventions=false skips this check",
-        odometry, 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(a)]),
-        1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(b)]), turned * kRadToDeg,
-        motion->sigma_rotation_rad * kRadToDeg);
+  const auto turn = [&](int from, int to) {
+    const auto rotation = [&](int image) {
+      return input.odom_from_body[static_cast<size_t>(input.images[static_cast<size_t>(image)].pose)].rotation;
+    };
+    return AngleBetween(rotation(from), rotation(to));
+  };
+  const auto measured = [&](int from, int to) {
+    const std::optional<MatchedPair> pair = Match(ReadView(input, from), ReadView(input, to), options);
+    return pair ? Measure(input, *pair, options, seed) : std::nullopt;
+  };
+  const auto differs = [&](const MeasuredMotion& m, double expected) {
+    const double turned = AngleBetween(m.b_from_a.rotation, Eigen::Quaterniond::Identity());
+    return std::abs(turned - expected) > std::max(kTurned_rad, kSigmas * m.sigma_rotation_rad);
+  };
+  for (const OddStep& step : FindOddSteps(input, static_cast<size_t>(options.pairs))) {
+    const Rigid3d moved =
+        input.odom_from_body[static_cast<size_t>(step.a)].Inverse() * input.odom_from_body[static_cast<size_t>(step.b)];
+    if (moved.translation.norm() > kSame || AngleBetween(moved.rotation, Eigen::Quaterniond::Identity()) > kSame) {
+      continue;
+    }
+    for (int i = 0; i < static_cast<int>(input.images.size()); ++i) {
+      cancel.ThrowIfCancelled();
+      const int other = next[static_cast<size_t>(i)], after = other < 0 ? -1 : next[static_cast<size_t>(other)];
+      if (after < 0 || input.images[static_cast<size_t>(i)].pose != step.a ||
+          input.images[static_cast<size_t>(other)].pose != step.b) {
+        continue;
+      }
+      const auto still = measured(i, other), catching_up = measured(other, after);
+      if (!still || !catching_up || !differs(*still, 0) || !differs(*catching_up, turn(other, after))) continue;
+      return fmt::format(
+          "{}: jumps: it has the same pose at {:.3f} and {:.3f} s, but the images turn by {:.1f} deg (1 sigma {:.1f} "
+          "deg) between these times; expected a pose of each moment. Option check_conventions=false skips this check",
+          odometry, 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(step.a)]),
+          1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(step.b)]),
+          kRadToDeg * AngleBetween(still->b_from_a.rotation, Eigen::Quaterniond::Identity()),
+          kRadToDeg * still->sigma_rotation_rad);
+    }
   }
   return std::nullopt;
 }
@@ -664,7 +678,6 @@ OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whol
   const int images = static_cast<int>(input.images.size());
   progress.Begin("odometry against images", 0);
   if (auto still = FindStandstill(input, odometry, options)) return {still, {}};
-  if (auto frozen = FindFrozen(input, odometry, options, seed)) return {frozen, {}};
   const std::vector<MeasuredMotion> motions = images <= options.pairs
                                                   ? MeasureNeighbours(input, options, threads, seed, cancel)
                                                   : MeasureSample(input, options, threads, seed, cancel);
@@ -683,6 +696,7 @@ OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whol
     if (clock && clock->significant) return {OtherClock(*clock, odometry), {}};
   }
   // After the clock: on another clock a few steps differ most and look like a jump.
+  if (auto frozen = FindFrozen(input, odometry, options, seed, cancel)) return {frozen, {}};
   const JumpGates gates(input.odom_from_body, motions);
   if (const auto place = FindBrokenPlace(input, motions, gates)) {
     return {Jump(input, odometry, place->first, place->second), {}};

@@ -251,6 +251,16 @@ double SolveWithout(size_t step, const BundleOptions& bundle, const CancelToken&
   return SolveBundle(*p, bundle, silent, cancel).final_cost;
 }
 
+Eigen::Vector3d StepBetween(const BundleProblem& p, int a, int b) {
+  const auto centre = [&](int pose) { return p.poses[static_cast<size_t>(pose)].TargetOriginInSource(); };
+  return centre(b) - centre(a);
+}
+
+Eigen::Vector3d OdometryStep(const LocalizeInput& input, int a, int b) {
+  const auto centre = [&](int pose) { return input.odom_from_body[static_cast<size_t>(pose)].translation; };
+  return centre(b) - centre(a);
+}
+
 // Of the other steps, per degree of freedom.
 double MeanSquaredResidual(const BundleProblem& p, const std::vector<size_t>& steps, size_t without) {
   double sum = 0;
@@ -273,7 +283,7 @@ std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input,
                                                      const CancelToken& cancel) {
   constexpr size_t kLeastSteps = 5;
   constexpr double kLeastGain = 38.3;  // chi-square of 6 degrees of freedom, once in a million
-  constexpr double kOfBest = 0.5, kLeast_m = 0.2, kLeastPart = 0.2;
+  constexpr double kOfBest = 0.5;
   const std::vector<size_t> steps = OdometrySteps(input, r.problem);
   if (!input.has_odometry || steps.size() < kLeastSteps || r.correlation_inflation < kMostCorrelated) return {};
   BundleProblem p = r.problem;
@@ -285,25 +295,23 @@ std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input,
   ProgressSink silent;
   const double cost = SolveBundle(p, bundle, silent, cancel).final_cost;
   ContradictedStep found;
-  double second = 0;
-  BundleProblem best;
-  size_t left_out = 0;
+  Eigen::Vector3d by_images = Eigen::Vector3d::Zero();
+  double second = 0, rest = 0;
   for (const size_t k : WorstSteps(p, steps)) {
     BundleProblem q = p;
     const double gain = 2 * (cost - SolveWithout(k, bundle, cancel, &q));
     second = std::max(second, std::min(gain, found.gain));
     if (gain <= found.gain) continue;
-    found.gain = gain, left_out = k;
-    best = std::move(q);
+    const PoseFactor& f = q.factors[k];
+    by_images = StepBetween(q, f.a, f.b);
+    found = {f.a, f.b, by_images - OdometryStep(input, f.a, f.b), gain};
+    rest = MeanSquaredResidual(q, steps, k);
   }
-  if (found.gain < kLeastGain || second > kOfBest * found.gain) return {};
   const double limit = 1 + 2 / std::sqrt(3.0 * static_cast<double>(steps.size() - 1));
-  if (MeanSquaredResidual(best, steps, left_out) > limit) return {};
-  const PoseFactor& f = best.factors[left_out];
-  const Rigid3d moved = best.poses[static_cast<size_t>(f.a)] * best.poses[static_cast<size_t>(f.b)].Inverse();
-  found.before = f.a, found.after = f.b;
-  found.shift_m = moved.translation - best.scales.front().value * f.measured.translation;
-  if (found.shift_m.norm() < std::max(kLeast_m, kLeastPart * f.measured.translation.norm())) return {};
+  if (found.gain < kLeastGain || second > kOfBest * found.gain || rest > limit) return {};
+  const int moment = MomentsOfPoses(input)[static_cast<size_t>(found.before)];
+  const Path path(input, r);
+  if (!IsOfOdometry(path, moment, by_images - path.Step(moment))) return {};
   return found;
 }
 

@@ -26,13 +26,14 @@ std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const R
 // One step of odometry that images contradict, while they agree with all others.
 struct ContradictedStep {
   int before = 0, after = 0;                          // body poses
-  Eigen::Vector3d shift_m = Eigen::Vector3d::Zero();  // of `after` against odometry by the images, axes of the body
+  Eigen::Vector3d shift_m = Eigen::Vector3d::Zero();  // of what follows, by the images, odometry's axes
   double gain = 0;                                    // in chi-square if the step is not believed
 };
 
 // Looks at runs whose features' noise was widened, as odometry contradicts the images, beyond what correlation along
 // tracks explains: each step, or of many those that fit worst, is left out by itself. Nothing unless one of them alone
-// explains the contradiction, differs by more than its noise and moves the run visibly.
+// explains the contradiction, and the images' step makes the run's speed more even (as FindJumpByPoints). Throws
+// NumericError if the data do not determine the poses.
 std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input, const Reconstruction& reconstruction,
                                                      int threads, const CancelToken& cancel);
 

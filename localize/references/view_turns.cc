@@ -110,25 +110,27 @@ std::vector<TurnedView> FreeViews(const std::vector<RigViews>& rigs, double sigm
   return turned;
 }
 
-double UpdateTurnSigma(const std::vector<TurnedView>& views, int threads, const CancelToken& cancel, BundleProblem* p) {
+TurnsShown UpdateTurns(const std::vector<TurnedView>& views, int threads, const CancelToken& cancel, BundleProblem* p) {
   std::vector<int> rig_of(p->poses.size(), -1);
   for (const TurnedView& view : views) {
     rig_of[static_cast<size_t>(view.pose)] = p->factors[static_cast<size_t>(view.factor)].b;
   }
   std::vector<Matrix6d> own, with_rig;
   BundleCovariance(*p, threads, cancel).PoseBlocks(rig_of, &own, &with_rig);
-  double sum = 0;
+  double turned = 0, open = 0;
   for (const TurnedView& view : views) {
     const auto pose = static_cast<size_t>(view.pose), rig = static_cast<size_t>(rig_of[pose]);
     const Eigen::Vector3d turn = LogSO3(p->poses[pose].rotation * p->poses[rig].rotation.conjugate());
     const Matrix6d left = own[pose] + own[rig] - with_rig[pose] - with_rig[pose].transpose();
-    sum += turn.squaredNorm() + left.topLeftCorner<3, 3>().trace();
+    turned += turn.squaredNorm(), open += left.topLeftCorner<3, 3>().trace();
   }
-  const double sigma = std::sqrt(sum / (3 * static_cast<double>(views.size())));
+  const double unknowns = 3 * static_cast<double>(views.size());
+  const double before = views.empty() ? 0 : 1 / p->factors[static_cast<size_t>(views.front().factor)].sqrt_info(0, 0);
+  const double sigma = std::sqrt((turned + open) / std::max(1.0, unknowns));
   for (const TurnedView& view : views) {
     p->factors[static_cast<size_t>(view.factor)].sqrt_info = TieOf(sigma, view.centre);
   }
-  return sigma;
+  return {sigma, std::max(0.0, unknowns - open / (before * before))};
 }
 
 }  // namespace trigpoint

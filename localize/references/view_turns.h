@@ -38,8 +38,13 @@ struct TurnedView {
 // view's centre by an unknown of that sigma.
 std::vector<TurnedView> FreeViews(const std::vector<RigViews>& rigs, double sigma_rad, BundleProblem* p);
 
+struct TurnsShown {
+  double sigma_rad = 0;
+  double unknowns = 0;  // that the data determine, of three a view: they take as many degrees of freedom
+};
+
 // The sigma by the turns that `p`, solved with these views, shows and what it leaves open of them
-// (expectation-maximisation): the factors get it. Returns it, rad.
-double UpdateTurnSigma(const std::vector<TurnedView>& views, int threads, const CancelToken& cancel, BundleProblem* p);
+// (expectation-maximisation): the factors get it.
+TurnsShown UpdateTurns(const std::vector<TurnedView>& views, int threads, const CancelToken& cancel, BundleProblem* p);
 
 }  // namespace trigpoint

@@ -172,7 +172,7 @@ std::map<int, int> FirstViews(const SiteRun& run) {
   return first;
 }
 
-// How views are tied to the pose of their moment or panorama, by their own poses.
+// How views are tied to the pose of their panorama, by their own poses.
 std::map<int, PoseFactor> TiesOf(const Solution& s) {
   std::map<int, PoseFactor> ties;
   for (const PoseFactor& f : s.problem.factors) {
@@ -288,10 +288,31 @@ class Joiner {
     r_.point_valid.insert(r_.point_valid.end(), s.point_valid.begin(), s.point_valid.end());
     r_.dropped_observations += s.dropped_observations;
     AddReferences(*run, index, placed);
-    AddTurnedViews(*run, part, world_from_odom);
+    NoteTurns(*run);
     AddObservations(*run, index, first_point);
     run->solution = {};
     run->solution.run = part.name;
+  }
+
+  // Views of the panoramas that any run has turned: all runs that see one see the same turn.
+  void FreeTurnedViews() {
+    std::map<std::pair<int, int>, int> own_pose;  // of a panorama's pose and its view
+    for (size_t k = 0; k < p_.observations.size(); ++k) {
+      BearingObservation& o = p_.observations[k];
+      const auto tie = loosest_.find(o.pose);
+      if (tie == loosest_.end()) continue;
+      const std::pair<int, int> view{o.pose, out_.view_of[k]};
+      const auto [at, fresh] = own_pose.try_emplace(view, static_cast<int>(p_.poses.size()));
+      if (fresh) {
+        const auto turn = turns_.find(view);
+        const Rigid3d rig = p_.poses[static_cast<size_t>(o.pose)];
+        p_.poses.push_back(turn == turns_.end() ? rig : turn->second * rig);
+        PoseFactor f = tie->second;
+        f.a = at->second, f.b = o.pose;
+        p_.factors.push_back(f);
+      }
+      o.pose = at->second;
+    }
   }
 
  private:
@@ -339,57 +360,38 @@ class Joiner {
     }
   }
 
-  // Views that are turned against their moment or panorama: all runs that see one see the same turn.
-  void AddTurnedViews(const SiteRun& run, const SolutionRun& part, const Sim3d& world_from_odom) {
+  // How the run has views turned against their panoramas.
+  void NoteTurns(const SiteRun& run) {
     const Solution& s = run.solution;
     const std::map<int, PoseFactor> ties = TiesOf(s);
-    if (ties.empty()) return;
-    for (size_t k = 0; k < s.problem.observations.size(); ++k) {
+    for (size_t k = 0; !ties.empty() && k < s.problem.observations.size(); ++k) {
       const BearingObservation& o = s.problem.observations[k];
       const auto tie = ties.find(o.pose);
       if (tie == ties.end()) continue;
-      const Seen seen = SeenBy(s.image_of[k], o, part);
-      if (seen.rig < 0) continue;
-      const auto [at, fresh] = pose_of_view_.try_emplace({seen.rig, seen.view}, static_cast<int>(p_.poses.size()));
-      if (!fresh) continue;
-      p_.poses.push_back(InWorld(world_from_odom, OdomFromRig(s, o.pose)));
-      PoseFactor f = tie->second;
-      f.a = at->second, f.b = seen.rig;
-      p_.factors.push_back(f);
+      const Local& local = local_[static_cast<size_t>(-1 - s.image_of[k])];
+      if (local.id < 0) continue;
+      const int rig = out_.references[static_cast<size_t>(local.id)].pose;
+      const auto pose = [&](int of) { return s.problem.poses[static_cast<size_t>(of)]; };
+      turns_.try_emplace({rig, o.view - local.old_view}, pose(o.pose) * pose(tie->second.b).Inverse());
+      const auto [loosest, fresh] = loosest_.try_emplace(rig, tie->second);
+      if (tie->second.sqrt_info(0, 0) < loosest->second.sqrt_info(0, 0)) loosest->second = tie->second;
     }
-  }
-
-  // What an observation is from, in the joint problem: the pose of a body or a reference (-1: of none), and the camera
-  // or the reference's view.
-  struct Seen {
-    int rig = -1, view = 0;
-  };
-  Seen SeenBy(int image, const BearingObservation& o, const SolutionRun& part) const {
-    if (image >= 0) {
-      return {out_.input.images[static_cast<size_t>(image + part.first_image)].pose, o.view + part.first_camera};
-    }
-    const Local& local = local_[static_cast<size_t>(-1 - image)];
-    if (local.id < 0) return {};
-    return {out_.references[static_cast<size_t>(local.id)].pose, o.view - local.old_view};
   }
 
   void AddObservations(const SiteRun& run, int index, int first_point) {
     const Solution& s = run.solution;
     const SolutionRun& part = out_.runs[static_cast<size_t>(index)];
-    const std::map<int, PoseFactor> ties = TiesOf(s);
     for (size_t k = 0; k < s.problem.observations.size(); ++k) {
       BearingObservation o = s.problem.observations[k];
       int image = s.image_of[k], view_of = -1;
-      const Seen seen = SeenBy(image, o, part);
-      const auto own = ties.count(o.pose) > 0 ? pose_of_view_.find({seen.rig, seen.view}) : pose_of_view_.end();
-      o.pose = own != pose_of_view_.end() ? own->second : seen.rig;
       if (image >= 0) {
-        o.view += part.first_camera;
+        o.pose += part.first_pose, o.view += part.first_camera;
         image += part.first_image;
       } else {
         const Local& local = local_[static_cast<size_t>(-1 - image)];
         if (local.id < 0) continue;
         view_of = o.view - local.old_view;
+        o.pose = out_.references[static_cast<size_t>(local.id)].pose;
         o.view = local.new_view + view_of;
         image = -1 - local.id;
       }
@@ -406,8 +408,9 @@ class Joiner {
   Reconstruction& r_;
   BundleProblem& p_;
   std::map<std::string, int> reference_;
-  std::map<std::pair<int, int>, int> pose_of_view_;  // of a rig's pose and its view, where that is turned
-  std::vector<Local> local_;                         // of the run that is added
+  std::map<std::pair<int, int>, Rigid3d> turns_;  // of a panorama's pose and its view: own pose from it
+  std::map<int, PoseFactor> loosest_;             // ties of a panorama's pose by the run that has the largest turns
+  std::vector<Local> local_;                      // of the run that is added
 };
 
 // Joins the groups of points that `root` names.
@@ -536,6 +539,7 @@ JoinedRuns JoinRuns(std::vector<SiteRun>* runs, const std::vector<PlacedRun>& pl
   for (size_t i = 0; i < runs->size(); ++i) {
     joiner.AddProblem(&(*runs)[i], static_cast<int>(i), placed[i]);
   }
+  joiner.FreeTurnedViews();
   p.pose_constant.assign(p.poses.size(), false);
   out.input.has_frame = true;
   out.input.frame = runs->front().input.frame;

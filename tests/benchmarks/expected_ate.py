@@ -44,7 +44,7 @@ class Solution:
         self.point, self.pose, self.view = np.array([r[:3] for r in rows]).T
         self.weight = np.array([np.frombuffer(r[3], "<f4") for r in rows], float).reshape(-1, 3, 2).transpose(0, 2, 1)
         self.odometry = list(db.execute("select a, b, measured_tx, measured_ty, measured_tz, sqrt_info from factors "
-                                        "where kind = 'between'"))
+                                        "where kind = 'between' and a < b"))
 
     def jacobians(self):
         """Of the whitened observations by their pose (n x 2 x 6) and their point (n x 2 x 3)."""

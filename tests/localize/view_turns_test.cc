@@ -134,7 +134,7 @@ TEST(ViewTurns, PanoramasWithTurnedViewsAreBetterPlacedWithSigmasThatHold) {
     double last = *sigma;
     for (int round = 0; round < 3; ++round) {
       street.Solve();
-      last = UpdateTurnSigma(views, 1, {}, &street.problem);
+      last = UpdateTurns(views, 1, {}, &street.problem).sigma_rad;
     }
     street.Solve();
     sigmas += last / kDraws;
