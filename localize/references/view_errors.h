@@ -21,8 +21,8 @@ struct PlacedViews {
 // each error of the views, of one sigma and independent of the others: columns for BundleProblem::pose_shifts, which
 // must be empty. By the implicit function theorem, to first order,
 //   d poses / d error = -H^-1 d gradient / d error
-// with the points eliminated from both. Nothing if all
-// views are exact. Throws NumericError if the data do not determine `p`.
+// with the points eliminated from both. Nothing if all views are exact. Throws NumericError if the data do not
+// determine `p`.
 Eigen::MatrixXd PoseShiftsByViews(const std::vector<PlacedViews>& references, const BundleProblem& p, int threads,
                                   const CancelToken& cancel);
 

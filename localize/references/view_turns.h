@@ -1,4 +1,4 @@
-// Views of one moment that are turned against each other (docs/method.md section 4). A panorama is put together from
+// Views of a panorama that are turned against each other (docs/method.md section 4). A panorama is put together from
 // pictures: mistakes of the stitching and, as their lenses stand apart, parallax turn these by some hundredths to
 // tenths of a degree, from panorama to panorama differently. All points of a view are off alike then, and count for
 // less than their number.
@@ -11,7 +11,7 @@
 
 namespace trigpoint {
 
-// A rig of views in a bundle problem: a panorama.
+// The views of a panorama, a rig, in a bundle problem.
 struct RigViews {
   int pose = 0;
   int first_view = 0, views = 0;  // of BundleProblem::views
