@@ -130,6 +130,7 @@ Compared Compare(const std::string& file, const PoseSequence& reference, const s
   Compared compared{EvaluateTrajectory(file, reference, estimate, options), {}, {}};
   AssociationOptions association = options.association;
   association.offset_s = compared.report.applied_offset_s;
+  association.interpolate = compared.report.interpolated;
   compared.pairs = Associate(reference, estimate, association);
   if (options.alignment == TrajectoryAlignment::kNone) compared.frames = FindFrameDifference(compared.pairs);
   return compared;
@@ -304,7 +305,9 @@ void AddTrajectoryCommand(CLI::App& app, Session& session) {
   command.add_option("REFERENCE", a->reference, "the trajectory to compare with, or a GPS track")->required();
   command.add_option("ESTIMATE", a->estimates, "one or more trajectories")->required();
   command.add_option("--align", a->align, "none, origin, yaw, se3 or sim3")->capture_default_str();
-  command.add_option("--offset", a->offset, "seconds added to the estimates' stamps, or auto: what fits best")
+  command
+      .add_option("--offset", a->offset,
+                  "seconds added to the estimates' stamps, or auto: what fits best, if it is significant")
       ->capture_default_str();
   command
       .add_option("--max-difference", a->max_difference_s, "largest time difference of two poses that are paired, s")

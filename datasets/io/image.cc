@@ -150,7 +150,8 @@ cv::Mat Decode(const std::filesystem::path& file, const std::vector<uchar>& byte
     picture = cv::imdecode(bytes, flags);
   } catch (const cv::Exception& e) {
     if (e.code == cv::Error::StsNoMem) throw std::bad_alloc();  // not the picture's fault
-    throw InputError(file.string() + ": the picture cannot be decoded: " + e.err);
+    throw InputError(file.string() +
+                     ": the picture cannot be decoded; expected JPEG, PNG or TIFF of at most 2^30 pixels");
   }
   if (picture.empty())
     throw InputError(file.string() + ": not a picture, or a damaged one; expected JPEG, PNG or TIFF");

@@ -58,56 +58,6 @@ CameraMask ReadMask(const YamlMap& map, const std::string& key) {
   return mask;
 }
 
-RunConfig ReadRunConfig(const std::filesystem::path& file) {
-  RunConfig config;
-  if (!std::filesystem::exists(file)) return config;
-  const YamlMap map(file, LoadYaml(file),
-                    {"date", "role", "camera", "mirrored", "masks", "time_zero_utc", "gps", "odometry", "video"});
-  config.date = map.Text("date");
-  if (!config.date.empty() && !ParseUtcToNs(config.date)) {
-    map.Fail("date", "expected a date as 2026-05-12, found '" + config.date + "'");
-  }
-  config.role = map.Text("role", config.role);
-  const std::vector<std::string> roles = {"survey", "evaluation", "both"};
-  if (std::find(roles.begin(), roles.end(), config.role) == roles.end()) {
-    map.Fail("role", "expected survey, evaluation or both, found '" + config.role + "'; nearest: '" +
-                         NearestName(config.role, roles) + "'");
-  }
-  config.camera = map.Text("camera");
-  config.equirectangular = config.camera == "equirectangular";
-  if (config.equirectangular) config.camera.clear();
-  config.mirrored = map.Bool("mirrored", config.mirrored);
-  if (map.Has("masks") && !map.Node("masks").IsMap()) {
-    config.masks[""] = ReadMask(map, "masks");  // one for all cameras
-  } else {
-    const YamlMap masks = map.MapOfAnyKeys("masks");
-    for (const std::string& camera : masks.Keys()) config.masks[camera] = ReadMask(masks, camera);
-  }
-  if (map.Has("time_zero_utc")) {
-    config.time_zero_utc_ns = ParseUtcToNs(map.Text("time_zero_utc"));
-    if (!config.time_zero_utc_ns) {
-      map.Fail("time_zero_utc", "expected a time as 2026-05-12T09:43:20Z, found '" + map.Text("time_zero_utc") + "'");
-    }
-  }
-  const YamlMap gps = map.Map("gps", {"lever_arm_m", "time_offset_s"});
-  if (gps.Has("lever_arm_m"))
-    config.gps_lever_arm_m = Eigen::Map<const Eigen::Vector3d>(gps.Numbers("lever_arm_m", 3).data());
-  config.gps_time_offset_s = gps.Number("time_offset_s", 0);
-  const YamlMap odometry = map.Map("odometry", {"levelled", "scale_sigma", "time_offset_s"});
-  config.odometry_levelled = odometry.Bool("levelled", config.odometry_levelled);
-  config.odometry_scale_sigma = odometry.Number("scale_sigma", config.odometry_scale_sigma);
-  if (!(config.odometry_scale_sigma > 0)) {
-    odometry.Fail("scale_sigma",
-                  "expected more than 0, the 1 sigma of the odometry's scale as a part of 1, such as 0.01");
-  }
-  config.odometry_time_offset_s = odometry.Number("time_offset_s", 0);
-  const YamlMap video = map.Map("video", {"start_s", "every"});
-  config.video_start_s = video.Number("start_s", 0);
-  config.video_every = video.Integer("every", config.video_every);
-  if (config.video_every < 1) video.Fail("every", "expected 1 or more");
-  return config;
-}
-
 // The calibration that run.yaml names; empty without one.
 std::filesystem::path CalibrationFile(const std::filesystem::path& site_dir, const Run& run) {
   if (run.config.camera.empty()) return {};
@@ -356,17 +306,6 @@ void ReadOdometry(Run* run) {
   }
 }
 
-std::optional<std::filesystem::path> GpsFile(const std::filesystem::path& dir) {
-  if (std::filesystem::exists(dir / "gps.csv")) return dir / "gps.csv";
-  std::vector<std::filesystem::path> files;
-  for (const auto& entry : std::filesystem::directory_iterator(dir)) {
-    const std::string extension = entry.path().extension().string();
-    if (extension == ".nmea" || extension == ".gpx") files.push_back(entry.path());
-  }
-  if (files.empty()) return std::nullopt;
-  return *std::min_element(files.begin(), files.end());
-}
-
 // What the camera wrote into the video, on the run's clock.
 GpsTrack ReadVideoPositions(const Run& run) {
   GpsTrack track = ReadGoProGps(run.images.front().path);
@@ -378,13 +317,10 @@ GpsTrack ReadVideoPositions(const Run& run) {
 void ReadGps(Run* run) {
   const auto file = GpsFile(run->dir);
   try {
-    const RunClock clock{run->config.time_zero_utc_ns, run->config.date};
     const bool video = !run->images.empty() && run->images.front().video_frame >= 0;
-    GpsTrack track = !file && video                 ? ReadVideoPositions(*run)
-                     : !file                        ? ReadImagePositions(*run)
-                     : file->extension() == ".csv"  ? ReadGpsCsv(*file)
-                     : file->extension() == ".nmea" ? ReadNmea(*file, clock)
-                                                    : ReadGpx(*file, clock);
+    GpsTrack track = file    ? ReadGpsFile(*file, run->config)
+                     : video ? ReadVideoPositions(*run)
+                             : ReadImagePositions(*run);
     for (GpsFix& fix : track.fixes) fix.stamp_ns += ToNs(run->config.gps_time_offset_s);
     run->gps = std::move(track.fixes);
     run->warnings.insert(run->warnings.end(), track.warnings.begin(), track.warnings.end());
@@ -555,6 +491,73 @@ void WarnOfUnusedMasks(Run* run) {
 }
 
 }  // namespace
+
+RunConfig ReadRunConfig(const std::filesystem::path& file) {
+  RunConfig config;
+  if (!std::filesystem::exists(file)) return config;
+  const YamlMap map(file, LoadYaml(file),
+                    {"date", "role", "camera", "mirrored", "masks", "time_zero_utc", "gps", "odometry", "video"});
+  config.date = map.Text("date");
+  if (!config.date.empty() && !ParseUtcToNs(config.date)) {
+    map.Fail("date", "expected a date as 2026-05-12, found '" + config.date + "'");
+  }
+  config.role = map.Text("role", config.role);
+  const std::vector<std::string> roles = {"survey", "evaluation", "both"};
+  if (std::find(roles.begin(), roles.end(), config.role) == roles.end()) {
+    map.Fail("role", "expected survey, evaluation or both, found '" + config.role + "'; nearest: '" +
+                         NearestName(config.role, roles) + "'");
+  }
+  config.camera = map.Text("camera");
+  config.equirectangular = config.camera == "equirectangular";
+  if (config.equirectangular) config.camera.clear();
+  config.mirrored = map.Bool("mirrored", config.mirrored);
+  if (map.Has("masks") && !map.Node("masks").IsMap()) {
+    config.masks[""] = ReadMask(map, "masks");  // one for all cameras
+  } else {
+    const YamlMap masks = map.MapOfAnyKeys("masks");
+    for (const std::string& camera : masks.Keys()) config.masks[camera] = ReadMask(masks, camera);
+  }
+  if (map.Has("time_zero_utc")) {
+    config.time_zero_utc_ns = ParseUtcToNs(map.Text("time_zero_utc"));
+    if (!config.time_zero_utc_ns) {
+      map.Fail("time_zero_utc", "expected a time as 2026-05-12T09:43:20Z, found '" + map.Text("time_zero_utc") + "'");
+    }
+  }
+  const YamlMap gps = map.Map("gps", {"lever_arm_m", "time_offset_s"});
+  if (gps.Has("lever_arm_m"))
+    config.gps_lever_arm_m = Eigen::Map<const Eigen::Vector3d>(gps.Numbers("lever_arm_m", 3).data());
+  config.gps_time_offset_s = gps.Number("time_offset_s", 0);
+  const YamlMap odometry = map.Map("odometry", {"levelled", "scale_sigma", "time_offset_s"});
+  config.odometry_levelled = odometry.Bool("levelled", config.odometry_levelled);
+  config.odometry_scale_sigma = odometry.Number("scale_sigma", config.odometry_scale_sigma);
+  if (!(config.odometry_scale_sigma > 0)) {
+    odometry.Fail("scale_sigma",
+                  "expected more than 0, the 1 sigma of the odometry's scale as a part of 1, such as 0.01");
+  }
+  config.odometry_time_offset_s = odometry.Number("time_offset_s", 0);
+  const YamlMap video = map.Map("video", {"start_s", "every"});
+  config.video_start_s = video.Number("start_s", 0);
+  config.video_every = video.Integer("every", config.video_every);
+  if (config.video_every < 1) video.Fail("every", "expected 1 or more");
+  return config;
+}
+
+std::optional<std::filesystem::path> GpsFile(const std::filesystem::path& dir) {
+  if (std::filesystem::exists(dir / "gps.csv")) return dir / "gps.csv";
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::directory_iterator(dir)) {
+    const std::string extension = entry.path().extension().string();
+    if (extension == ".nmea" || extension == ".gpx") files.push_back(entry.path());
+  }
+  if (files.empty()) return std::nullopt;
+  return *std::min_element(files.begin(), files.end());
+}
+
+GpsTrack ReadGpsFile(const std::filesystem::path& file, const RunConfig& config) {
+  const RunClock clock{config.time_zero_utc_ns, config.date};
+  if (file.extension() == ".nmea") return ReadNmea(file, clock);
+  return file.extension() == ".gpx" ? ReadGpx(file, clock) : ReadGpsCsv(file);
+}
 
 Run ReadRunSettings(const std::filesystem::path& run_dir, const std::filesystem::path& site_dir) {
   Run run;

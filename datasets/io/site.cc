@@ -179,8 +179,12 @@ std::vector<std::string> UnusedTables(const std::filesystem::path& site_dir, con
       [&](const std::filesystem::path& file) { return ReadControlObservations(file, &ignored).size(); },
       0);  // `mark` leaves the header where the last mark is removed
   for (const std::string& run : runs) {
-    look(site_dir / "runs" / run / "gps.csv",
-         [&](const std::filesystem::path& file) { return ReadGpsCsv(file).fixes.size(); });
+    const std::filesystem::path dir = site_dir / "runs" / run;
+    const auto gps = GpsFile(dir);
+    if (!gps) continue;
+    look(*gps, [&](const std::filesystem::path& file) {
+      return ReadGpsFile(file, ReadRunConfig(dir / "run.yaml")).fixes.size();
+    });
   }
   return unused;
 }

@@ -343,8 +343,7 @@ void CheckVariantName(const std::string& variant) {
   const bool fits = !variant.empty() && variant.front() != '.' &&
                     variant.find_first_of(std::string("/\\@\n\0", 5)) == std::string::npos;
   if (!fits) {
-    throw OptionError("the variant name '" + variant +
-                      "' cannot be part of a folder's name; use letters, digits, '-' and '_'");
+    throw OptionError("the name '" + variant + "' cannot be part of a folder's name; use letters, digits, '-' and '_'");
   }
 }
 

@@ -330,6 +330,12 @@ void CallTranslated(const std::function<void()>& body) {
   }
 }
 
+// The result that is asked for is there: an attempt that failed before is nothing to warn of any more.
+void ForgetFailure(const fs::path& dir) {
+  std::error_code failure;
+  fs::remove_all(Beside(dir, kFailedPrefix), failure);
+}
+
 // Runs one request whose result is not up to date; the lock is held.
 class Attempt {
  public:
@@ -392,7 +398,7 @@ class Attempt {
     }
     for (const auto& [file, hash] : manifest_["files"].items()) project_.hashes().Keep(dir_ / file, hash);
     project_.hashes().Save();
-    fs::remove_all(Beside(dir_, kFailedPrefix), failure);
+    ForgetFailure(dir_);
     return manifest_;
   }
 
@@ -462,6 +468,7 @@ StageOutcome RunLocked(const Project& project, const StageRequest& request, int 
     std::vector<std::string> changed;
     CallTranslated([&] { changed = ChangedFiles(project, *old, outcome.dir); });
     if (changed.empty()) {
+      ForgetFailure(outcome.dir);
       outcome.manifest = *old;
       return outcome;
     }
@@ -473,6 +480,7 @@ StageOutcome RunLocked(const Project& project, const StageRequest& request, int 
   if (before) {
     progress.Log(LogLevel::kInfo,
                  fmt::format("{}: the result from before the last review decision is used again", title));
+    ForgetFailure(outcome.dir);
     outcome.manifest = *before;
     return outcome;
   }

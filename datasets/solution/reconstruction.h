@@ -28,6 +28,9 @@ struct Reconstruction {
   Vector6d odometry_noise_factor = Vector6d::Ones();
   // Of each camera, how the images would have its lens instead; empty: as calibrated.
   std::vector<LensParameters> lens_errors;
+  // Of each camera five errors of its lens of one sigma each, independent of each other: the root of its covariance.
+  // Empty: nothing is left open, or, with lens_errors, what usual calibrations leave open.
+  std::vector<LensParameters> lens_roots;
   BundleSummary summary;
   int dropped_observations = 0;
 };

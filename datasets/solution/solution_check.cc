@@ -63,6 +63,10 @@ void CheckSolution(const Solution& s) {
   CheckSize("feature indices", s.feature_of.size(), "observations", p.observations.size());
   if (!s.covariances.empty()) CheckSize("covariances", s.covariances.size(), "poses", p.poses.size());
   if (!s.lens_errors.empty()) CheckSize("errors of lenses", s.lens_errors.size(), "cameras", s.cameras.size());
+  if (!s.lens_roots.empty()) {
+    constexpr size_t kErrors = std::tuple_size_v<LensParameters>;
+    CheckSize("roots of lenses' covariances", s.lens_roots.size(), "cameras, five times", kErrors * s.cameras.size());
+  }
   if (p.pose_shifts.size() > 0) {
     CheckSize("shifts", static_cast<size_t>(p.pose_shifts.rows() / 6), "poses", p.poses.size());
   }

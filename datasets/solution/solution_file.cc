@@ -150,14 +150,13 @@ Table PoseTable(Solution& s) {
   return t;
 }
 
-Table LensErrorTable(Solution& s) {
-  using Errors = std::array<double, 5>;
-  Table t{"lens_errors", s.lens_errors.size(), [&](size_t n) { s.lens_errors.resize(n); }, {}};
+Table LensTable(const char* name, std::vector<LensParameters>& lenses) {
+  Table t{name, lenses.size(), [&](size_t n) { lenses.resize(n); }, {}};
   t.AddMade(
-      "errors", [&](size_t i) { return std::vector<double>(s.lens_errors[i].begin(), s.lens_errors[i].end()); },
+      "errors", [&](size_t i) { return std::vector<double>(lenses[i].begin(), lenses[i].end()); },
       [&](size_t i, const std::vector<double>& v) {
-        if (v.size() != Errors().size()) return false;
-        std::copy(v.begin(), v.end(), s.lens_errors[i].begin());
+        if (v.size() != lenses[i].size()) return false;
+        std::copy(v.begin(), v.end(), lenses[i].begin());
         return true;
       });
   return t;
@@ -391,6 +390,7 @@ Table SiteRunTable(Solution& s) {
 
 int VersionOf(const Solution& s) {
   const auto is_view = [](const BodyCamera& camera) { return camera.IsFurtherView(); };
+  if (!s.lens_roots.empty()) return 5;
   if (!s.lens_errors.empty() || s.problem.pose_shifts.size() > 0) return 4;
   if (!s.runs.empty() || std::any_of(s.cameras.begin(), s.cameras.end(), is_view)) return 3;
   return s.problem.map || (s.georeference && !s.georeference->evidence.empty()) ? 2 : 1;
@@ -410,9 +410,10 @@ std::vector<Table> Tables(Solution& s, int version) {
   }
   if (version > 2) tables.push_back(SiteRunTable(s));
   if (version > 3) {
-    tables.push_back(LensErrorTable(s));
+    tables.push_back(LensTable("lens_errors", s.lens_errors));
     tables.push_back(ShiftTable(s));
   }
+  if (version > 4) tables.push_back(LensTable("lens_roots", s.lens_roots));
   return tables;
 }
 

@@ -12,7 +12,7 @@ namespace trigpoint {
 constexpr const char* kSolutionFile = "solution.db";
 // The newest format: 2 holds what was measured in the world, too, 3 several runs and which cameras are views of a 360
 // camera, 4 an error that all observations share. The lowest that has room is written.
-constexpr int kSolutionVersion = 4;
+constexpr int kSolutionVersion = 5;
 
 // Replaces an existing file. Throws IoError.
 void WriteSolution(const Solution& solution, const std::filesystem::path& file);

@@ -369,8 +369,12 @@ TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence&
   report.estimate_poses = static_cast<int>(estimate.poses.size());
   AssociationOptions association = options.association;
   report.time_offset = EstimateTimeOffset(reference, Prepared(estimate, association));
-  if (options.find_offset && report.time_offset) association.offset_s += report.time_offset->offset_s;
+  if (options.find_offset && report.time_offset && report.time_offset->significant) {
+    association.offset_s += report.time_offset->offset_s;
+    association.interpolate = true;  // a clock that is moved leaves no stamps beside each other
+  }
   report.applied_offset_s = association.offset_s;
+  report.interpolated = association.interpolate;
   std::vector<PosePair> pairs = Associate(reference, estimate, association);
   report.pairs = static_cast<int>(pairs.size());
   report.path_length_m = PathLength(pairs);
@@ -458,6 +462,7 @@ nlohmann::json TrajectoryReportsJson(const std::vector<TrajectoryReport>& report
                      {"pairs", r.pairs},
                      {"path_length_m", r.path_length_m},
                      {"applied_offset_s", r.applied_offset_s},
+                     {"interpolated", r.interpolated},
                      {"reference_from_estimate",
                       {{"scale", s.scale},
                        {"rotation_xyzw", {s.rotation.x(), s.rotation.y(), s.rotation.z(), s.rotation.w()}},
@@ -482,7 +487,6 @@ nlohmann::json TrajectoryReportsJson(const std::vector<TrajectoryReport>& report
   return {{"schema", "trigpoint trajectory 1"},
           {"alignment", ToString(options.alignment)},
           {"max_difference_s", options.association.max_difference_s},
-          {"interpolated", options.association.interpolate},
           {"estimates", estimates}};
 }
 

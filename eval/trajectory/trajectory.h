@@ -148,7 +148,7 @@ std::optional<ClockOffset> EstimateTimeOffset(const PoseSequence& reference, con
 // What `trigpoint trajectory` prints for one estimate.
 struct TrajectoryReportOptions {
   AssociationOptions association;
-  bool find_offset = false;  // the time offset that fits best is used (on top of association.offset_s)
+  bool find_offset = false;  // the time offset that fits best is used, if significant (on top of association.offset_s)
   TrajectoryAlignment alignment = TrajectoryAlignment::kNone;
   std::vector<RelativeOptions> relative = {RelativeOptions{}};
 };
@@ -168,6 +168,7 @@ struct TrajectoryReport {
   std::vector<RelativeReport> rpe;                          // as options.relative
   std::optional<ClockOffset> time_offset;
   double applied_offset_s = 0;
+  bool interpolated = false;
   std::vector<std::string> warnings;
 };
 TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence& reference,

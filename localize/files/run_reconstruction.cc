@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
 
@@ -12,6 +14,7 @@
 #include "localize/reconstruct/camera_arm.h"
 #include "localize/reconstruct/image_motion.h"
 #include "localize/reconstruct/lens_check.h"
+#include "localize/reconstruct/lens_shift.h"
 #include "localize/reconstruct/odometry_check.h"
 #include "localize/reconstruct/odometry_jump.h"
 #include "localize/reconstruct/odometry_unit.h"
@@ -87,15 +90,46 @@ bool RequireConventions(const LocalizeInput& input, const ReconstructOptions& op
   return true;
 }
 
-// Images alone know a run's shape as well as its lens: what another lens would make of it is part of the covariances.
+// What the lenses leave open is part of the covariances: of lenses found from the images, and of all in a run without
+// odometry, as images alone know its shape only as well as their lens.
 void HeedLenses(const LocalizeInput& input, RunReconstruction* run, StageContext& context) {
-  try {
-    run->reconstruction.lens_errors = LensErrors(input, run->reconstruction);
-  } catch (const NumericError&) {
-    return;  // what does not determine a lens asks for no other
+  if (!input.has_odometry) {
+    try {
+      run->reconstruction.lens_errors = LensErrors(input, run->reconstruction);
+    } catch (const NumericError&) {  // what does not determine a lens asks for no other
+    }
   }
   run->reconstruction.problem.pose_shifts =
       PoseShiftsByLenses(input, run->reconstruction, context.threads, context.cancel);
+}
+
+// What is known of lenses that were found from the images of a run.
+void KeepRoots(const LocalizeInput& input, const std::vector<SelfCalibration>& found, RunReconstruction* run) {
+  run->reconstruction.lens_roots = LensRoots(input, found, input.has_odometry ? 0 : kUsualLensError);
+}
+
+// Holds what a computation says until it is known to be the one that counts.
+class HeldLog final : public ProgressSink {
+ public:
+  explicit HeldLog(ProgressSink& to) : to_(to) {}
+  void Begin(std::string_view task, int64_t total) override { to_.Begin(task, total); }
+  void Advance(int64_t steps) override { to_.Advance(steps); }
+  void Log(LogLevel level, std::string_view text) override {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    lines_.emplace_back(level, text);
+  }
+  void Release() {
+    for (const auto& [level, text] : lines_) to_.Log(level, text);
+  }
+
+ private:
+  ProgressSink& to_;
+  std::mutex mutex_;
+  std::vector<std::pair<LogLevel, std::string>> lines_;
+};
+
+StageContext WithProgress(const StageContext& context, ProgressSink& progress) {
+  return {context.project, context.out, context.threads, context.seed, progress, context.cancel, context.metrics};
 }
 
 // Refuses odometry with a jump that the solution has spread over the run.
@@ -284,11 +318,15 @@ LocalizeJob ReconstructWithItsCameras(const ReconstructRunOptions& options, cons
   SearchFocalLengths(&begin, options.pairs, context.threads, context.seed, context.progress, context.cancel);
   run.cameras = begin.cameras;
   for (int round = 1;; ++round) {
-    LocalizeJob job = ReconstructOnce(options, mode, features, run, context, result);
+    HeldLog log(context.progress);
+    StageContext held = WithProgress(context, log);
+    LocalizeJob job = ReconstructOnce(options, mode, features, run, held, result);
     const std::vector<SelfCalibration> found = SelfCalibrate(job.input, result->reconstruction);
-    if (found.empty()) return job;
     const bool done = HaveConverged(found);
+    if (done || round == kRounds) log.Release();  // what was said of other lenses may be their fault
+    if (found.empty()) return job;
     if (done || round == kRounds) {
+      KeepRoots(job.input, found, result);
       WriteFoundCameras(run, found, context.out / kFoundCamerasFile, context.progress);
       return job;
     }
@@ -329,6 +367,7 @@ void HeedCalibration(const ReconstructRunOptions& options, const fs::path& featu
                      StageContext& context, LocalizeJob* job, RunReconstruction* result) {
   constexpr int kRounds = 4;
   std::vector<SelfCalibration> kept;
+  std::unique_ptr<HeldLog> said;
   Run run = calibrated;
   double doubt = DoubtOfLenses(job->input, result->reconstruction);
   for (int round = 0; round < kRounds && (doubt > 0 || !kept.empty()); ++round) {
@@ -342,12 +381,17 @@ void HeedCalibration(const ReconstructRunOptions& options, const fs::path& featu
       break;  // odometry agrees with the images through the calibrated lens alone
     }
     RunReconstruction other;
-    LocalizeJob its = ReconstructOnce(options, "trigpoint", features, asked, context, &other);
+    auto log = std::make_unique<HeldLog>(context.progress);
+    StageContext held = WithProgress(context, *log);
+    LocalizeJob its = ReconstructOnce(options, "trigpoint", features, asked, held, &other);
     const double remains = DoubtOfLenses(its.input, other.reconstruction);
     if (remains > (kept.empty() ? 0.5 : 1) * doubt) break;
     *job = std::move(its), *result = std::move(other), kept = found, doubt = remains;
+    said = std::move(log);
   }
   if (kept.empty()) return;
+  said->Release();
+  KeepRoots(job->input, kept, result);
   Run revised = calibrated;
   TakeCameras(kept, &revised);
   WriteRevisedCameras(calibrated, revised, kept, context.out / kFoundCamerasFile, context.progress);
@@ -384,7 +428,7 @@ ReconstructedRun ReconstructFiles(Run run, const fs::path& features, const Recon
     }
     RequireArms(run, job.input, result.reconstruction, context);
   }
-  if (!job.input.has_odometry) HeedLenses(job.input, &result, context);
+  if (!job.input.has_odometry || !result.reconstruction.lens_roots.empty()) HeedLenses(job.input, &result, context);
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
   context.metrics.update(ReconstructionMetrics(job, result));
   OfferReadout(job.input, result.readout, context);

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 
 #include "localize/reconstruct/lens_shift.h"
@@ -104,33 +106,56 @@ std::vector<LensParameters> LensErrors(const LocalizeInput& input, const Reconst
   return bundle.lenses;
 }
 
+std::vector<LensParameters> LensRoots(const LocalizeInput& input, const std::vector<SelfCalibration>& found,
+                                      double others) {
+  std::vector<LensParameters> roots(kLensParameters * input.cameras.size(), LensParameters{});
+  for (size_t c = 0; c < input.cameras.size(); ++c) {
+    const double centre = others * HalfDiagonal(input.cameras[c].camera);
+    Eigen::Matrix<double, kLensParameters, 1> sigma;
+    sigma << others, centre, centre, others, others;
+    Eigen::Matrix<double, kLensParameters, kLensParameters> root = sigma.asDiagonal();
+    for (const SelfCalibration& s : found) {
+      if (s.camera != static_cast<int>(c)) continue;
+      const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(s.covariance);
+      root = axes.eigenvectors() * axes.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+    }
+    for (Eigen::Index k = 0; k < kLensParameters; ++k) {
+      LensParameters& error = roots[kLensParameters * c + static_cast<size_t>(k)];
+      Eigen::Map<Eigen::Matrix<double, kLensParameters, 1>>(error.data()) = root.col(k);
+    }
+  }
+  return roots;
+}
+
 Eigen::MatrixXd PoseShiftsByLenses(const LocalizeInput& input, const Reconstruction& r, int threads,
                                    const CancelToken& cancel) {
-  if (r.lens_errors.empty()) return {};
+  if (r.lens_errors.empty() && r.lens_roots.empty()) return {};
+  const std::vector<LensParameters> roots = r.lens_roots.empty() ? LensRoots(input, {}, kUsualLensError) : r.lens_roots;
   BundleProblem calibrated = r.problem;
   calibrated.pose_shifts.resize(0, 0);
   const BundleCovariance covariance(calibrated, threads, cancel);
   const Eigen::VectorXd gradient = covariance.Gradient();
+  constexpr double kPart = 1.0 / 32;  // of an error: moved by all of it, points would count as outliers
   std::vector<Eigen::VectorXd> shifts;
-  for (size_t c = 0; c < r.lens_errors.size(); ++c) {
-    const double centre = kUsualLensError * HalfDiagonal(input.cameras[c].camera);
-    const LensParameters usual = {kUsualLensError, centre, centre, kUsualLensError, kUsualLensError};
-    for (size_t k = 0; k < usual.size(); ++k) {
-      std::vector<LensParameters> errors(r.lens_errors.size(), LensParameters{});
-      errors[c][k] = usual[k];
-      const BundleProblem seen = SeenThrough(input, errors, calibrated);
-      shifts.push_back(covariance.Times(gradient - BundleCovariance(seen, threads, cancel).Gradient()));
-    }
+  for (size_t k = 0; k < roots.size(); ++k) {
+    if (roots[k] == LensParameters{}) continue;
+    std::vector<LensParameters> errors(input.cameras.size(), LensParameters{});
+    LensParameters& error = errors[k / kLensParameters];
+    std::transform(roots[k].begin(), roots[k].end(), error.begin(), [](double e) { return kPart * e; });
+    const BundleProblem seen = SeenThrough(input, errors, calibrated);
+    shifts.push_back(covariance.Times(gradient - BundleCovariance(seen, threads, cancel).Gradient()) / kPart);
   }
-  // What the images ask for may be far from the calibration: not to first order.
-  BundleProblem other = SeenThrough(input, r.lens_errors, calibrated);
-  BundleOptions options;
-  options.threads = threads;
-  ProgressSink silent;
-  SolveBundle(other, options, silent, cancel);
-  Eigen::VectorXd& shift = shifts.emplace_back(gradient.size());
-  for (size_t i = 0; i < other.poses.size(); ++i) {
-    shift.segment<6>(6 * static_cast<Eigen::Index>(i)) = other.poses[i].Minus(calibrated.poses[i]);
+  if (!r.lens_errors.empty()) {
+    // What the images ask for may be far from the calibration: not to first order.
+    BundleProblem other = SeenThrough(input, r.lens_errors, calibrated);
+    BundleOptions options;
+    options.threads = threads;
+    ProgressSink silent;
+    SolveBundle(other, options, silent, cancel);
+    Eigen::VectorXd& shift = shifts.emplace_back(gradient.size());
+    for (size_t i = 0; i < other.poses.size(); ++i) {
+      shift.segment<6>(6 * static_cast<Eigen::Index>(i)) = other.poses[i].Minus(calibrated.poses[i]);
+    }
   }
   Eigen::MatrixXd out(gradient.size(), static_cast<Eigen::Index>(shifts.size()));
   for (Eigen::Index k = 0; k < out.cols(); ++k) out.col(k) = shifts[static_cast<size_t>(k)];

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "localize/reconstruct/reconstruct.h"
+#include "localize/reconstruct/self_calibration.h"
 
 namespace trigpoint {
 
@@ -27,9 +28,14 @@ struct LensCheck {
 // picture's corners. Empty where the images have too few points in common. Throws NumericError.
 std::vector<LensParameters> LensErrors(const LocalizeInput& input, const Reconstruction& reconstruction);
 
+// Reconstruction::lens_roots of lenses that were found from the images; `others`: 1 sigma of each error of a lens that
+// was not, the centre's as a share of half the diagonal.
+std::vector<LensParameters> LensRoots(const LocalizeInput& input, const std::vector<SelfCalibration>& found,
+                                      double others);
+
 // How far the poses of the reconstruction's problem, which is solved, move (left tangent, 6 rows) with each error of
-// the lenses: first those that calibrations usually have, then `lens_errors` together. Nothing without lens_errors.
-// Without odometry, the lens alone holds a run's scale along its path.
+// the lenses: first `lens_roots`, then `lens_errors` together. Nothing without them. Without odometry, the lens alone
+// holds a run's scale along its path.
 Eigen::MatrixXd PoseShiftsByLenses(const LocalizeInput& input, const Reconstruction& reconstruction, int threads,
                                    const CancelToken& cancel);
 

@@ -500,7 +500,8 @@ std::string Contradiction(const ReadingVerdict& v, const std::string& odometry) 
   if (v.better.empty()) {
     text +=
         "; no other order, axis, sign or inverse agrees: check the file, its time (odometry: "
-        "time_offset_s in run.yaml), and T_cam_imu, lens model and intrinsics of camchain.yaml";
+        "time_offset_s in run.yaml), and the calibration in camchain.yaml (T_cam_imu, lens model, intrinsics, "
+        "distortion)";
   }
   return text + ". Option check_conventions=false skips this check";
 }

@@ -11,6 +11,7 @@
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
 #include "calib/geometry/nearest_to_rays.h"
+#include "localize/reconstruct/reconstruct.h"
 
 namespace trigpoint {
 namespace {
@@ -219,9 +220,6 @@ std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const R
 
 namespace {
 
-// What correlation along tracks widens the noise by, at most (CorrelationInflation of reconstruct.cc).
-constexpr double kMostCorrelated = 4.36;
-
 std::shared_ptr<const ceres::LossFunction> LossTimes(const std::shared_ptr<const ceres::LossFunction>& loss,
                                                      double factor) {
   const auto* const known = dynamic_cast<const Chi2Loss*>(loss.get());
@@ -285,9 +283,10 @@ std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input,
   constexpr double kLeastGain = 38.3;  // chi-square of 6 degrees of freedom, once in a million
   constexpr double kOfBest = 0.5;
   const std::vector<size_t> steps = OdometrySteps(input, r.problem);
-  if (!input.has_odometry || steps.size() < kLeastSteps || r.correlation_inflation < kMostCorrelated) return {};
+  const double most = InflationBy(kMostCorrelation);
+  if (!input.has_odometry || steps.size() < kLeastSteps || r.correlation_inflation < most) return {};
   BundleProblem p = r.problem;
-  const double narrower = r.correlation_inflation / kMostCorrelated;
+  const double narrower = r.correlation_inflation / most;
   for (BearingObservation& o : p.observations) o.w *= static_cast<float>(narrower);
   p.loss = LossTimes(p.loss, narrower * narrower);
   BundleOptions bundle;

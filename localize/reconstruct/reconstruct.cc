@@ -351,8 +351,7 @@ double CorrelationInflation(const BundleProblem& p) {
     }
   }
   if (!(square > 0)) return 1;
-  const double rho = std::clamp((product - expected) / square, 0.0, 0.9);
-  return std::sqrt((1 + rho) / (1 - rho));
+  return InflationBy(std::clamp((product - expected) / square, 0.0, kMostCorrelation));
 }
 
 void ScaleObservationNoise(double factor, BundleProblem* p) {

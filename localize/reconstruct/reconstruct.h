@@ -1,6 +1,7 @@
 // Points and camera poses from tracks and odometry (docs/method.md section 2), and how well they are known.
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <vector>
 
@@ -58,6 +59,11 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
 
 // What the noise of these adds up to in rotation over the whole run, rad, 1 sigma per axis.
 double RotationNoise(const std::vector<PoseFactor>& odometry);
+
+// Errors of a track's observations are taken to be correlated from image to image by at most kMostCorrelation. A mean's
+// standard deviation under first-order autoregressive noise is larger by this factor.
+inline constexpr double kMostCorrelation = 0.9;
+inline double InflationBy(double correlation) { return std::sqrt((1 + correlation) / (1 - correlation)); }
 
 // Where a reconstruction starts.
 struct ReconstructStart {

@@ -141,6 +141,17 @@ int PartOfPicture(const LocalizeInput& input, const BearingObservation& o) {
   return 9 * o.view + 3 * third(pixel.y(), camera.height()) + third(pixel.x(), camera.width());
 }
 
+// Of a lens's errors, LensParameters, by that of the lens itself.
+Eigen::Matrix<double, kLens, kLens> CovarianceOfErrors(const Camera& camera,
+                                                       const Eigen::Matrix<double, kLens, kLens>& of_lens) {
+  const double f = camera.MeanFocal(), corner = HalfDiagonal(camera) / f;
+  Eigen::Matrix<double, kLens, kLens> by_lens = Eigen::Matrix<double, kLens, kLens>::Zero();
+  by_lens(0, 0) = 1 / f;
+  by_lens(1, 3) = by_lens(2, 4) = 1;
+  by_lens(3, 1) = std::pow(corner, 2), by_lens(4, 2) = std::pow(corner, 4);
+  return by_lens * of_lens * by_lens.transpose();
+}
+
 // The lenses that `priors` let free.
 std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconstruction& r, const LensPriors& priors) {
   const auto any = [&](const auto& which) { return std::any_of(priors.begin(), priors.end(), which); };
@@ -180,10 +191,11 @@ std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconst
   for (size_t c = 0; c < bundle.lenses.size(); ++c) {
     if (!priors[c] || !bundle.HasLens(c)) continue;
     const Eigen::VectorXd sigma = covariance.diagonal().segment<kLens>(at).cwiseMax(0).cwiseSqrt();
-    at += kLens;
     SelfCalibration s;
     s.camera = static_cast<int>(c);
     s.found = WithLens(input.cameras[c].camera, bundle.lenses[c], priors[c]->fixed);
+    s.covariance = CovarianceOfErrors(s.found, covariance.block<kLens, kLens>(at, at));
+    at += kLens;
     s.sigma_focal_px = sigma(0), s.sigma_k1 = sigma(1), s.sigma_k2 = sigma(2);
     s.sigma_centre_px = sigma.tail<2>().maxCoeff();
     for (size_t k = 0; k < kLens; ++k) {

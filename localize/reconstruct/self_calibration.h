@@ -13,6 +13,7 @@ struct SelfCalibration {
   Camera found;    // radtan; of a guess f_x = f_y, k1, k2, no decentring
   // 1 sigma, of the run's images and what was known before.
   double sigma_focal_px = 0, sigma_k1 = 0, sigma_k2 = 0, sigma_centre_px = 0;
+  Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();  // LensParameters: of errors of a lens
   double sigmas = 0;    // the largest difference of a parameter from what was known before, in sigmas
   double shift_px = 0;  // how far the largest of nine pixels over the picture (its corners among them) moved
 };

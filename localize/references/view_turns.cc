@@ -85,29 +85,38 @@ std::optional<double> FindViewTurns(const std::vector<RigViews>& rigs, const Bun
   return deviance < -kShown ? std::optional(std::exp(log_sigma)) : std::nullopt;
 }
 
-std::vector<TurnedView> FreeViews(const std::vector<RigViews>& rigs, double sigma_rad, BundleProblem* p) {
-  std::vector<bool> is_rig(p->poses.size(), false);
-  for (const RigViews& rig : rigs) is_rig[static_cast<size_t>(rig.pose)] = true;
-  std::map<std::pair<int, int>, int> own_pose;  // of a rig and its view
+std::vector<TurnedView> FreeViews(const std::function<std::optional<ViewToFree>(size_t)>& of, BundleProblem* p) {
+  std::map<std::pair<int, int>, int> own_pose;  // of a rig's pose and its view
   std::vector<TurnedView> turned;
-  for (BearingObservation& o : p->observations) {
-    if (!is_rig[static_cast<size_t>(o.pose)]) continue;
-    const auto [at, fresh] = own_pose.try_emplace({o.pose, o.view}, static_cast<int>(p->poses.size()));
+  for (size_t k = 0; k < p->observations.size(); ++k) {
+    const std::optional<ViewToFree> view = of(k);
+    if (!view) continue;
+    BearingObservation& o = p->observations[k];
+    const auto [at, fresh] = own_pose.try_emplace({o.pose, view->view}, static_cast<int>(p->poses.size()));
     if (fresh) {
-      const Rigid3d rig_from_world = p->poses[static_cast<size_t>(o.pose)];
-      p->poses.push_back(rig_from_world);
+      p->poses.push_back(view->turn * Rigid3d(p->poses[static_cast<size_t>(o.pose)]));
       if (!p->pose_constant.empty()) p->pose_constant.push_back(false);
       PoseFactor tie;
       tie.kind = PoseFactor::Kind::kBetween;
       tie.a = at->second, tie.b = o.pose;
       const Eigen::Vector3d centre = p->views[static_cast<size_t>(o.view)].TargetOriginInSource();
-      tie.sqrt_info = TieOf(sigma_rad, centre);
+      tie.sqrt_info = TieOf(view->sigma_rad, centre);
       turned.push_back({tie.a, static_cast<int>(p->factors.size()), centre});
       p->factors.push_back(tie);
     }
     o.pose = at->second;
   }
   return turned;
+}
+
+std::vector<TurnedView> FreeViews(const std::vector<RigViews>& rigs, double sigma_rad, BundleProblem* p) {
+  std::vector<bool> is_rig(p->poses.size(), false);
+  for (const RigViews& rig : rigs) is_rig[static_cast<size_t>(rig.pose)] = true;
+  const auto of = [&](size_t k) {
+    const BearingObservation& o = p->observations[k];
+    return is_rig[static_cast<size_t>(o.pose)] ? std::optional(ViewToFree{o.view, sigma_rad, {}}) : std::nullopt;
+  };
+  return FreeViews(of, p);
 }
 
 TurnsShown UpdateTurns(const std::vector<TurnedView>& views, int threads, const CancelToken& cancel, BundleProblem* p) {
@@ -125,7 +134,7 @@ TurnsShown UpdateTurns(const std::vector<TurnedView>& views, int threads, const 
     turned += turn.squaredNorm(), open += left.topLeftCorner<3, 3>().trace();
   }
   const double unknowns = 3 * static_cast<double>(views.size());
-  const double before = views.empty() ? 0 : 1 / p->factors[static_cast<size_t>(views.front().factor)].sqrt_info(0, 0);
+  const double before = views.empty() ? 0 : SigmaOfTie(p->factors[static_cast<size_t>(views.front().factor)]);
   const double sigma = std::sqrt((turned + open) / std::max(1.0, unknowns));
   for (const TurnedView& view : views) {
     p->factors[static_cast<size_t>(view.factor)].sqrt_info = TieOf(sigma, view.centre);

@@ -4,6 +4,7 @@
 // less than their number.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -24,8 +25,9 @@ struct RigViews {
 std::optional<double> FindViewTurns(const std::vector<RigViews>& rigs, const BundleProblem& p, int threads,
                                     const CancelToken& cancel);
 
-// Whether the factor ties a view's own pose to that of its rig.
+// Whether the factor ties a view's own pose to that of its rig, and by which sigma of its turn, rad.
 inline bool IsTie(const PoseFactor& f) { return f.kind == PoseFactor::Kind::kBetween && f.scale < 0 && f.b < f.a; }
+inline double SigmaOfTie(const PoseFactor& f) { return 1 / f.sqrt_info(0, 0); }
 
 // A view's own pose in a bundle problem: that of the rig as this view shows it.
 struct TurnedView {
@@ -34,8 +36,18 @@ struct TurnedView {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // of the view, rig axes
 };
 
-// Every view of the rigs that sees a point gets a pose of its own at the end of `p`, turned against the rig's about the
-// view's centre by an unknown of that sigma.
+// The view of a rig that an observation belongs to, if it gets a pose of its own.
+struct ViewToFree {
+  int view = 0;          // of the rig, whatever it is called in the problem
+  double sigma_rad = 0;  // of its turn
+  Rigid3d turn;          // own_from_rig, where the solution begins
+};
+
+// Views that see a point get poses of their own at the end of `p`, turned against the rig's about the view's centre by
+// unknowns of these sigmas. `of`: of each observation of `p`.
+std::vector<TurnedView> FreeViews(const std::function<std::optional<ViewToFree>(size_t)>& of, BundleProblem* p);
+
+// All views of these rigs.
 std::vector<TurnedView> FreeViews(const std::vector<RigViews>& rigs, double sigma_rad, BundleProblem* p);
 
 struct TurnsShown {

@@ -296,23 +296,14 @@ class Joiner {
 
   // Views of the panoramas that any run has turned: all runs that see one see the same turn.
   void FreeTurnedViews() {
-    std::map<std::pair<int, int>, int> own_pose;  // of a panorama's pose and its view
-    for (size_t k = 0; k < p_.observations.size(); ++k) {
-      BearingObservation& o = p_.observations[k];
-      const auto tie = loosest_.find(o.pose);
-      if (tie == loosest_.end()) continue;
-      const std::pair<int, int> view{o.pose, out_.view_of[k]};
-      const auto [at, fresh] = own_pose.try_emplace(view, static_cast<int>(p_.poses.size()));
-      if (fresh) {
-        const auto turn = turns_.find(view);
-        const Rigid3d rig = p_.poses[static_cast<size_t>(o.pose)];
-        p_.poses.push_back(turn == turns_.end() ? rig : turn->second * rig);
-        PoseFactor f = tie->second;
-        f.a = at->second, f.b = o.pose;
-        p_.factors.push_back(f);
-      }
-      o.pose = at->second;
-    }
+    const auto of = [this](size_t k) -> std::optional<ViewToFree> {
+      const int rig = p_.observations[k].pose;
+      const auto sigma = turn_sigma_.find(rig);
+      if (sigma == turn_sigma_.end()) return std::nullopt;
+      const auto turn = turns_.find({rig, out_.view_of[k]});
+      return ViewToFree{out_.view_of[k], sigma->second, turn == turns_.end() ? Rigid3d() : turn->second};
+    };
+    FreeViews(of, &p_);
   }
 
  private:
@@ -373,8 +364,8 @@ class Joiner {
       const int rig = out_.references[static_cast<size_t>(local.id)].pose;
       const auto pose = [&](int of) { return s.problem.poses[static_cast<size_t>(of)]; };
       turns_.try_emplace({rig, o.view - local.old_view}, pose(o.pose) * pose(tie->second.b).Inverse());
-      const auto [loosest, fresh] = loosest_.try_emplace(rig, tie->second);
-      if (tie->second.sqrt_info(0, 0) < loosest->second.sqrt_info(0, 0)) loosest->second = tie->second;
+      double& sigma = turn_sigma_[rig];
+      sigma = std::max(sigma, SigmaOfTie(tie->second));
     }
   }
 
@@ -409,7 +400,7 @@ class Joiner {
   BundleProblem& p_;
   std::map<std::string, int> reference_;
   std::map<std::pair<int, int>, Rigid3d> turns_;  // of a panorama's pose and its view: own pose from it
-  std::map<int, PoseFactor> loosest_;             // ties of a panorama's pose by the run that has the largest turns
+  std::map<int, double> turn_sigma_;              // rad, of a panorama's pose, by the run that has the largest turns
   std::vector<Local> local_;                      // of the run that is added
 };
 

@@ -336,6 +336,15 @@ TEST(LoadGrey, RefusesHugePicturesBeforeTheyAreDecoded) {
   const auto larger = dir.Write("larger.png", png(60000, 30000));
   EXPECT_THAT(MessageOf<InputError>([&] { LoadPanorama(larger, true); }),
               HasSubstr("expected a picture of at most 2^30 pixels, found 60000 x 30000"));
+  // Another format, whose size OpenCV looks at: 40,000 x 40,000.
+  const std::string bmp = "BM" + std::string(16, '\0') + "\x40\x9C" + std::string(2, '\0') + "\x40\x9C" +
+                          std::string(2, '\0') + "\x01" + std::string(1, '\0') + "\x18" + std::string(25, '\0');
+  std::string header = bmp;
+  header[10] = 54, header[14] = 40;
+  const std::string said = MessageOf<InputError>([&] { LoadPanorama(dir.Write("huge.bmp", header), true); });
+  EXPECT_THAT(said, HasSubstr("huge.bmp: "));
+  EXPECT_THAT(said, HasSubstr("expected JPEG, PNG or TIFF"));
+  EXPECT_EQ(said.find("CV_"), std::string::npos) << said;
   trigpoint::Run run = RunWithCamera(64, 48);
   run.cameras[0].mask.pictures = {file};
   EXPECT_THAT(MessageOf<InputError>([&] { RunMasks masks(run); }),

@@ -1124,7 +1124,9 @@ TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {
   Write("control_observations.csv", "point,image,u,v\n");  // what is left where the last mark was removed
   Write("runs/a/gps.csv", "");
   Write("runs/b/gps.csv", "timestamp_s,latitude_deg,longitude_deg\n");
+  Write("runs/c/gps.nmea", "not what a receiver says\n");
   const std::string more = Joined(UnusedTables(dir_.path(), {"a", "b", "c"}));
+  EXPECT_THAT(more, HasSubstr("c/gps.nmea"));
   for (const char* why :
        {"distances.csv: expected rows", "a/gps.csv: the table is empty", "b/gps.csv: no usable GPS fix"}) {
     EXPECT_THAT(more, HasSubstr(why));

@@ -206,7 +206,11 @@ TEST_F(StageTest, FailureKeepsTheOldResultAndLeavesARecord) {
 
   request_.options["size"] = 1;  // back to what the old result was made of
   EXPECT_EQ(State(), StageState::kDone);
+  Run();
+  EXPECT_FALSE(ReadFailure(project_, "toy", "run1"));
   request_.options["size"] = 2;
+  EXPECT_THAT(MessageOf<InputError>([&] { Run(); }), HasSubstr("images.txt:3"));
+  EXPECT_TRUE(ReadFailure(project_, "toy", "run1"));
   request_.body = good;
   Run();
   EXPECT_EQ(State(), StageState::kDone);

@@ -214,15 +214,21 @@ TEST(SolutionFile, KeepsWhatTheLensLeavesOpen) {
   WriteSolution(s, dir / "solution.db");
   const Solution back = ReadSolution(dir / "solution.db");
   EXPECT_EQ(back.lens_errors, s.lens_errors);
+  EXPECT_TRUE(back.lens_roots.empty());
   EXPECT_EQ(back.problem.pose_shifts, s.problem.pose_shifts);
+  s.lens_roots.assign(5 * s.cameras.size(), {0.001, -0.2, 0.5, 1e-3, -1e-4});
+  WriteSolution(s, dir / "roots.db");
+  EXPECT_EQ(ReadSolution(dir / "roots.db").lens_roots, s.lens_roots);
+  s.lens_roots.pop_back();
+  EXPECT_THROW(WriteSolution(s, dir / "wrong.db"), InputError);
 }
 
 TEST(SolutionFile, RefusesANewerFormat) {
   const TempDir dir;
   WriteSolution(MakeSolution(), dir / "solution.db");
-  ASSERT_EQ(Execute(dir / "solution.db", "PRAGMA user_version = 5"), "");
+  ASSERT_EQ(Execute(dir / "solution.db", "PRAGMA user_version = 6"), "");
   const std::string message = Refusal(dir / "solution.db");
-  EXPECT_NE(message.find("format version 5, this program reads up to 4"), std::string::npos) << message;
+  EXPECT_NE(message.find("format version 6, this program reads up to 5"), std::string::npos) << message;
 }
 
 TEST(SolutionFile, RefusesAChangedNumber) {

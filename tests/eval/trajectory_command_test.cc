@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "calib/estimation/random.h"
 #include "calib/geo/geodetic.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/text.h"
@@ -67,6 +68,35 @@ TEST_F(TrajectoryCommand, FindsAndAppliesAClockThatIsOff) {
   EXPECT_NEAR(fixed["applied_offset_s"], -0.1, 0.002);
   EXPECT_LT(fixed["ate_m"]["rmse"], 0.01);
   EXPECT_NEAR(Estimate({truth, late, "--offset", "-0.1"})["ate_m"]["rmse"], 0, 1e-8);
+}
+
+TEST_F(TrajectoryCommand, AClockThatIsMovedLeavesPairs) {
+  const std::string truth = Path("truth.tum", 0, {0, 0, 0});
+  const json moved = Estimate({truth, Path("late.tum", 0.04, {0, 0, 0}), "--offset", "auto"});
+  EXPECT_NEAR(moved["applied_offset_s"], -0.04, 0.002);
+  EXPECT_GT(moved["pairs"], 290);
+  EXPECT_LT(moved["ate_m"]["rmse"], 0.02);
+}
+
+TEST_F(TrajectoryCommand, AnOffsetThatMayBeNoneIsNotApplied) {
+  const std::string truth = Path("truth.tum", 0, {0, 0, 0});
+  Random random(3);
+  int chance = 0;  // offsets that would leave no stamps beside each other
+  for (int draw = 0; draw < 10; ++draw) {
+    std::vector<TimedPose> noisy = ReadTrajectory(truth).poses;
+    noisy.resize(20);
+    for (TimedPose& pose : noisy) {
+      for (int k = 0; k < 3; ++k) pose.target_from_body.translation[k] += 0.2 * random.Normal();
+    }
+    WriteTum(dir_ / "noisy.tum", noisy, {});
+    const json e = Estimate({truth, (dir_ / "noisy.tum").string(), "--offset", "auto"});
+    ASSERT_TRUE(e.contains("time_offset"));
+    const json& found = e["time_offset"];
+    chance += !found["significant"] && std::abs(found["offset_s"].get<double>()) > 0.01;
+    EXPECT_EQ(e["applied_offset_s"], found["significant"] ? found["offset_s"] : json(0.0));
+    EXPECT_GE(e["pairs"], 18);
+  }
+  EXPECT_GT(chance, 0);
 }
 
 TEST_F(TrajectoryCommand, RelativeErrorsByFramesMetresAndSeconds) {

@@ -1,9 +1,12 @@
 #!/usr/bin/env python3
 """Plants the faults of faults.py into copies of a good project and judges what the program makes of each.
 
-  run_faults.py PROGRAM SITE [--truth DIR] [--run RUN] [--every N] [--features N] [--quick] [--only REGEX]
+  run_faults.py PROGRAM SITE[:RUN]... [--truth DIR] [--every N] [--features N] [--quick] [--only REGEX]
                 [--json FILE [--resume]] [--jobs N] [--work DIR] [--combinations N] [--variations N]
   run_faults.py --table docs/faults.md FILE.json...
+
+RUN is run1 unless given. The truth is in SITE/truth or SITE_truth unless --truth names it. With several sites, --json is
+a folder, which gets a file for each.
 
 Verdicts: right (a result within its sigmas, nothing new said), warned (within its sigmas, with a warning), withheld (no
 position on the Earth, with the cause), refused (exit 1 naming the cause, without a result). Failures: FALSE (a position
@@ -227,6 +230,15 @@ def verdict_of(record, cause):
     return "warned" if record["messages"] else "right"
 
 
+def truth_folder(given, site):
+    """Where the truth of a site lies."""
+    beside = site.resolve().with_name(site.resolve().name + "_truth")
+    folder = pathlib.Path(given) if given else beside if beside.is_dir() else site / "truth"
+    if not folder.is_dir():
+        raise SystemExit(f"{folder}: expected a folder with the truth of {site}, found none; name it by --truth")
+    return folder
+
+
 class Runner:
     def __init__(self, options):
         self.options = options
@@ -234,9 +246,8 @@ class Runner:
         self.work = pathlib.Path(options.work or tempfile.mkdtemp(prefix="faults-"))
         self.base = self.work / "good"
         self.site = pathlib.Path(options.site)
-        truth = pathlib.Path(options.truth) if options.truth else self.site / "truth"
         self.run = options.run
-        self.truth = Truth(truth, self.site, self.run)
+        self.truth = Truth(truth_folder(options.truth, self.site), self.site, self.run)
         self.baseline = {}
 
     def call(self, *arguments):
@@ -474,7 +485,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--table")
     parser.add_argument("--truth")
-    parser.add_argument("--run", default="run1")
     parser.add_argument("--every", type=int, default=1, help="every n-th image of the run")
     parser.add_argument("--features", type=int, default=0, help="features of an image; 0: the default")
     parser.add_argument("--quick", action="store_true")
@@ -492,7 +502,21 @@ def main():
     if options.table:
         write_table(options.table, options.files)
         return 0
-    options.program, options.site = options.files
+    program, *sites = options.files
+    if not sites or len(sites) > 1 and options.truth:
+        parser.error("expected PROGRAM SITE[:RUN]..., and --truth for one site alone")
+    return max([judge_site(options, program, site, len(sites) > 1) for site in sites])
+
+
+def judge_site(options, program, site, of_several):
+    """All faults in one site; the exit code."""
+    options = copy.copy(options)
+    options.program = program
+    options.site, _, run = site.partition(":")
+    options.run = run or "run1"
+    if options.json and of_several:
+        options.json = pathlib.Path(options.json) / (pathlib.Path(options.site).resolve().name + ".json")
+        options.json.parent.mkdir(parents=True, exist_ok=True)
     runner = Runner(options)
     try:
         results = runner.run_all()
@@ -500,8 +524,9 @@ def main():
         if not options.work:
             shutil.rmtree(runner.work, ignore_errors=True)
     bad = [r for r in results if r["verdict"] not in (*GOOD, "not applicable")]
-    print(f"{len(results)} faults: " + ", ".join(
-        f"{sum(r['verdict'] == v for r in results)} {v}" for v in (*GOOD, "not applicable")) + f", {len(bad)} failed")
+    print(f"{site}: {len(results)} faults: " + ", ".join(
+        f"{sum(r['verdict'] == v for r in results)} {v}" for v in (*GOOD, "not applicable")) + f", {len(bad)} failed",
+        flush=True)
     if options.variations:
         print(squares_text([r["mean_square"] for r in results if r.get("count")]))
     if all(r["verdict"] == "not applicable" for r in results):

@@ -4,9 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "calib/estimation/loss.h"
 #include "calib/estimation/random.h"
 #include "calib/geometry/so3.h"
 #include "localize/reconstruct/lens_check.h"
+#include "localize/reconstruct/lens_shift.h"
 
 namespace trigpoint {
 namespace {
@@ -164,23 +166,103 @@ TEST(CheckLenses, ACalibrationThatFitsIsNotContradicted) {
   }
 }
 
-// A bundle under a lens that is a little off, which bends it; what the images ask for bends it back.
-TEST(LensErrors, ShowWhereThePosesWouldBe) {
-  const std::vector<Rigid3d> truth = MakeScene(3).reconstruction.problem.poses;
-  Scene scene = MakeScene(3, {CameraModel::kRadtan, 640, 480, {502, 502, 325, 236, -0.095, 0.02, 0, 0}});
-  Reconstruction& r = scene.reconstruction;
-  r.problem.pose_constant.assign(truth.size(), false);
-  r.problem.pose_constant[0] = true;
+// The bundle with the true motion as odometry of 0.2 rad and 0.2 m a step, 1 sigma.
+void SolveAlong(const std::vector<Rigid3d>& truth, BundleProblem* p) {
+  p->pose_constant.assign(truth.size(), false);
+  p->pose_constant[0] = true;
+  p->loss = MakeLoss("dcs", 3);
   for (int i = 0; i + 1 < static_cast<int>(truth.size()); ++i) {
-    PoseFactor& step = r.problem.factors.emplace_back();
+    PoseFactor& step = p->factors.emplace_back();
     step.kind = PoseFactor::Kind::kBetween;
     step.a = i, step.b = i + 1;
     step.measured = truth[static_cast<size_t>(i)] * truth[static_cast<size_t>(i) + 1].Inverse();
     step.sqrt_info = 5 * Matrix6d::Identity();
   }
   ProgressSink silent;
+  BundleOptions options;
+  options.max_iterations = 100;
+  options.relative_cost_tolerance = 1e-9;
+  SolveBundle(*p, options, silent, {});
+}
+
+// The mean of all poses, per degree of freedom.
+double MeanNees(const std::vector<Rigid3d>& truth, const BundleProblem& p) {
+  const BundleCovariance covariance(p, 1, {});
+  double sum = 0;
+  for (size_t i = 1; i < truth.size(); ++i) {
+    const Vector6d e = p.poses[i].Minus(truth[i]);
+    const Matrix6d c = covariance.Joint({static_cast<int>(i)});
+    sum += e.dot(c.ldlt().solve(e)) / 6;
+  }
+  return sum / static_cast<double>(truth.size() - 1);
+}
+
+// A lens that is off by what its covariance says.
+TEST(LensRoots, PosesUnderALensWithKnownErrorsAreWithinTheirSigmas) {
+  constexpr int kDraws = 20;
+  SelfCalibration known;
+  known.covariance.diagonal() << 5e-7, 0.03, 0.03, 1e-7, 1e-7;
+  known.covariance(0, 3) = known.covariance(3, 0) = 1e-7;
+  const Eigen::Matrix<double, 5, 5> root = known.covariance.llt().matrixL();
+  const double corner = HalfDiagonal(TrueCamera()) / 500;
+  Random random(5);
+  double nees = 0, without = 0;
+  for (uint64_t seed = 1; seed <= kDraws; ++seed) {
+    Eigen::Matrix<double, 5, 1> e;
+    for (double& value : e) value = random.Normal();
+    e = (root * e).eval();
+    const double focal = 500 * (1 + e(0));
+    Scene scene = MakeScene(seed, {CameraModel::kRadtan,
+                                   640,
+                                   480,
+                                   {focal, focal, 324 + e(1), 236 + e(2), -0.1 + e(3) / std::pow(corner, 2),
+                                    0.02 + e(4) / std::pow(corner, 4), 0, 0}});
+    const std::vector<Rigid3d> truth = scene.reconstruction.problem.poses;
+    Reconstruction& r = scene.reconstruction;
+    SolveAlong(truth, &r.problem);
+    without += MeanNees(truth, r.problem) / kDraws;
+    r.lens_roots = LensRoots(scene.input, {known}, 0);
+    ASSERT_EQ(r.lens_roots.size(), 5U);
+    r.problem.pose_shifts = PoseShiftsByLenses(scene.input, r, 1, {});
+    nees += MeanNees(truth, r.problem) / kDraws;
+  }
+  // Five errors of the lens, which the poses of a draw share: 1 sigma of the mean over 20 draws is 0.14.
+  EXPECT_GT(nees, 0.58);
+  EXPECT_LT(nees, 1.42);
+  EXPECT_GT(without, 2);
+}
+
+// Errors of a lens move points by many of their sigmas; a kernel that leaves outliers out must not hide that.
+TEST(PoseShiftsByLenses, AreThoseOfABundleUnderTheOtherLens) {
+  const std::vector<Rigid3d> truth = MakeScene(3).reconstruction.problem.poses;
+  const auto scene_with = [&](double centre) {
+    Scene scene = MakeScene(3, {CameraModel::kRadtan, 640, 480, {500, 500, centre, 236, -0.1, 0.02, 0, 0}});
+    SolveAlong(truth, &scene.reconstruction.problem);
+    return scene;
+  };
+  Scene scene = scene_with(324);
+  const Scene other = scene_with(325);
+  Reconstruction& r = scene.reconstruction;
+  r.lens_roots.assign(5, LensParameters{});
+  r.lens_roots[0] = {0, 1, 0, 0, 0};
+  const Eigen::MatrixXd shifts = PoseShiftsByLenses(scene.input, r, 1, {});
+  ASSERT_EQ(shifts.cols(), 1);
+  Eigen::VectorXd moved(shifts.rows());
+  for (size_t i = 0; i < truth.size(); ++i) {
+    moved.segment<6>(6 * static_cast<Eigen::Index>(i)) =
+        other.reconstruction.problem.poses[i].Minus(r.problem.poses[i]);
+  }
+  const double off = std::min((shifts.col(0) - moved).norm(), (shifts.col(0) + moved).norm());
+  EXPECT_LT(off, 0.2 * moved.norm()) << shifts.col(0).norm();
+}
+
+// A bundle under a lens that is a little off, which bends it; what the images ask for bends it back.
+TEST(LensErrors, ShowWhereThePosesWouldBe) {
+  const std::vector<Rigid3d> truth = MakeScene(3).reconstruction.problem.poses;
+  Scene scene = MakeScene(3, {CameraModel::kRadtan, 640, 480, {502, 502, 325, 236, -0.095, 0.02, 0, 0}});
+  Reconstruction& r = scene.reconstruction;
   const CancelToken cancel;
-  SolveBundle(r.problem, {}, silent, cancel);
+  SolveAlong(truth, &r.problem);
   EXPECT_EQ(PoseShiftsByLenses(scene.input, r, 1, cancel).size(), 0) << "no other lens is known of";
   r.lens_errors = LensErrors(scene.input, r);
   ASSERT_EQ(r.lens_errors.size(), 1U);
