@@ -1,4 +1,5 @@
 // Do the places that a site's files state lie on one site?
+#include <fmt/format.h>
 #include <tiffio.h>
 
 #include <algorithm>
@@ -176,32 +177,85 @@ std::string HeightReading(const std::vector<double>& heights, double origin_m, d
   return "; expected metres above the ellipsoid";
 }
 
-// Heights of geotags where only the origin's are there to compare them with. An origin at height 0 states none.
-void CompareHeightsWithOrigin(Site* site) {
-  constexpr double kAllowed_m = 20, kSlope = 0.2;
-  if (!site->origin || site->origin->height_m == 0) return;
-  std::vector<double> heights, off, distances;
-  for (const Reference& reference : site->references) {
-    if (!reference.geotag.has_height) continue;
-    heights.push_back(reference.geotag.position.height_m);
-    off.push_back(std::abs(heights.back() - site->origin->height_m));
-    distances.push_back(Distance_m(reference.geotag.position, *site->origin));
+// What says how high the site lies.
+struct Level {
+  Geodetic place;
+  std::string name;
+};
+
+// Control points, else the origin, which states no height if it is 0.
+std::optional<Level> FindLevel(const Site& site) {
+  std::vector<Geodetic> control;
+  for (const ControlPoint& p : site.control_points) {
+    if (p.geodetic) control.push_back(*p.geodetic);
   }
-  const bool others =
-      std::any_of(site->control_points.begin(), site->control_points.end(),
-                  [](const ControlPoint& p) { return p.geodetic.has_value(); }) ||
-      std::any_of(site->runs.begin(), site->runs.end(), [](const Run& run) { return !run.gps.empty(); });
-  if (heights.empty() || others) return;
+  if (!control.empty()) {
+    std::nth_element(control.begin(), control.begin() + static_cast<std::ptrdiff_t>(control.size() / 2), control.end(),
+                     [](const Geodetic& a, const Geodetic& b) { return a.height_m < b.height_m; });
+    return Level{control[control.size() / 2], "control points"};
+  }
+  if (!site.origin || site.origin->height_m == 0) return std::nullopt;
+  return Level{*site.origin, "origin.json"};
+}
+
+// Why heights cannot be as stated, by that of the site; empty where they can.
+std::string HeightContradiction(const std::string& whose, const std::vector<Geodetic>& places, const Level& level) {
+  constexpr double kAllowed_m = 20, kSlope = 0.2;
+  if (places.empty()) return "";
+  std::vector<double> heights, off, distances;
+  for (const Geodetic& place : places) {
+    heights.push_back(place.height_m);
+    off.push_back(std::abs(place.height_m - level.place.height_m));
+    distances.push_back(Distance_m(place, level.place));
+  }
   const double allowed = kAllowed_m + kSlope * Median(distances);
-  if (Median(off) <= allowed) return;
-  char text[400];
-  std::snprintf(text, sizeof text,
-                "the heights of geotags (median %.0f m) differ from that of origin.json (%.0f m) by more than the "
-                "ground does%s; one of the two is wrong, and these heights are not used",
-                Median(heights), site->origin->height_m,
-                HeightReading(heights, site->origin->height_m, allowed).c_str());
-  site->warnings.push_back(text);
+  if (Median(off) <= allowed) return "";
+  return fmt::format(
+      "the heights of {} (median {:.0f} m) differ from that of {} ({:.0f} m) by more than the ground does{}; one of "
+      "the "
+      "two is wrong",
+      whose, Median(heights), level.name, level.place.height_m, HeightReading(heights, level.place.height_m, allowed));
+}
+
+// Heights of geotags where nothing else can tell them wrong.
+void CompareGeotagHeights(const Level& level, Site* site) {
+  std::vector<Geodetic> places;
+  for (const Reference& reference : site->references) {
+    if (reference.geotag.has_height) places.push_back(reference.geotag.position);
+  }
+  const std::string why = HeightContradiction("geotags", places, level);
+  if (why.empty()) return;
+  site->warnings.push_back(why + ", and these heights are not used");
   for (Reference& reference : site->references) reference.geotag.has_height = false;
+}
+
+// Of GPS that no geotag can tell wrong. What fixes say of each other's heights stays.
+void CompareGpsHeights(const Level& level, Site* site) {
+  std::vector<GpsFix*> fixes;
+  std::vector<Geodetic> places;
+  for (Run& run : site->runs) {
+    for (GpsFix& fix : run.gps) {
+      if (fix.sigma_sea_m > 0) continue;
+      fixes.push_back(&fix);
+      places.push_back(fix.position);
+    }
+  }
+  const std::string why = HeightContradiction("GPS fixes", places, level);
+  if (why.empty()) return;
+  site->warnings.push_back(why +
+                           fmt::format(", and these heights share an error of {:.0f} m (1 sigma)", kUnknownGeoidSigma));
+  for (GpsFix* fix : fixes) CountFromSea(fix);
+}
+
+void CompareHeights(Site* site) {
+  const std::optional<Level> level = FindLevel(*site);
+  if (!level) return;
+  const bool gps = std::any_of(site->runs.begin(), site->runs.end(), [](const Run& run) { return !run.gps.empty(); });
+  const bool tagged = std::any_of(site->references.begin(), site->references.end(),
+                                  [](const Reference& reference) { return reference.geotag.has_height; });
+  const bool control = level->name == "control points";  // `survey` compares geotags with them
+  if (tagged && !gps && !control) CompareGeotagHeights(*level, site);
+  if (!tagged && gps) CompareGpsHeights(*level, site);
 }
 
 }  // namespace
@@ -245,7 +299,7 @@ void LeaveOutFarPlaces(Site* site) {
   }
   references.Warn(&site->warnings);
   CompareWithOrigin(site);
-  CompareHeightsWithOrigin(site);
+  CompareHeights(site);
 }
 
 }  // namespace trigpoint

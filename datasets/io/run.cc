@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "calib/base/median.h"
 #include "datasets/io/camchain.h"
@@ -329,6 +330,39 @@ void ReadGps(Run* run) {
   }
 }
 
+// A receiver without signal may repeat its last fix, number for number, while the body moves on.
+void LeaveOutHeldFixes(Run* run) {
+  constexpr size_t kLeastFixes = 3;
+  constexpr double kSigmas = 3, kLeast_m = 2;
+  constexpr int64_t kGap_ns = 2'000'000'000;
+  const std::vector<GpsFix> all = std::move(run->gps);
+  run->gps.clear();
+  int64_t left_out = 0;
+  for (size_t begin = 0, end = 0; begin < all.size(); begin = end) {
+    const GpsFix& first = all[begin];
+    const auto is_same = [&](const Geodetic& p) {
+      return p.latitude_deg == first.position.latitude_deg && p.longitude_deg == first.position.longitude_deg &&
+             p.height_m == first.position.height_m;
+    };
+    double farthest_m = 0;
+    const auto from = run->odometry.At(first.stamp_ns, kGap_ns);
+    for (; end < all.size() && is_same(all[end].position); ++end) {
+      const auto to = run->odometry.At(all[end].stamp_ns, kGap_ns);
+      if (from && to) farthest_m = std::max(farthest_m, (to->translation - from->translation).norm());
+    }
+    const bool held = end - begin >= kLeastFixes && farthest_m > std::max(kLeast_m, kSigmas * first.sigma_h_m);
+    run->gps.insert(run->gps.end(), all.begin() + static_cast<std::ptrdiff_t>(begin),
+                    all.begin() + static_cast<std::ptrdiff_t>(held ? begin + 1 : end));
+    left_out += held ? static_cast<int64_t>(end - begin - 1) : 0;
+  }
+  if (left_out == 0) return;
+  run->warnings.push_back(
+      fmt::format("{}: {} of GPS repeat the one before number for number while odometry moves on, as a receiver "
+                  "without signal does; "
+                  "they are left out",
+                  run->dir.string(), Counted(left_out, "fix", "fixes")));
+}
+
 // What the times of the streams say about each other.
 void CompareTimes(Run* run) {
   if (run->images.empty()) return;
@@ -597,6 +631,7 @@ void ReadRunData(const std::filesystem::path& site_dir, Run* run) {
   WarnOfUnusedMasks(run);
   ReadOdometry(run);
   ReadGps(run);
+  LeaveOutHeldFixes(run);
   CompareTimes(run);
   SplitPictures(run);
 }

@@ -570,10 +570,11 @@ void WidenScale(const OtherScale& other, double scale_prior, double scale, Matri
   *covariance += (least - variance) * (stretch * stretch.transpose() + turn * turn.transpose());
 }
 
-// The run's turn by positions alone differs from that by all by more than chance: in plan, where headings take part, or
-// in tilt, where pitch and roll do.
+// The run's turn by positions alone differs from that by all by more than chance in 19 of 20 cases: in plan, where
+// headings take part, or in tilt, where pitch and roll do.
 struct OtherTurn {
   bool tilt = false;
+  bool certain = false;     // in 999 of 1,000: it is warned of
   Eigen::MatrixXd off_rad;  // columns: about up; of tilt: about east and north, along two axes
   std::string Describe() const {
     return fmt::format(
@@ -589,12 +590,13 @@ struct OtherTurn {
 template <typename Solve>
 std::optional<OtherTurn> FindOtherTurn(bool tilt, const EarthSolution& best, std::vector<GeoObservation> obs,
                                        const Solve& solve) {
-  constexpr double kGate[] = {0, 10.83, 13.82};  // chi-square, 99.9 %
+  constexpr double kGate[] = {0, 3.84, 5.99}, kCertain[] = {0, 10.83, 13.82};  // chi-square, 95 and 99.9 %
   constexpr double kKnown_rad = 5 * kDegToRad, kMostTilt_rad = 10 * kDegToRad;
   for (GeoObservation& o : obs) (tilt ? o.has_tilt : o.has_heading) = false;
   const EarthSolution less = solve(obs);
   if (!less.good) return std::nullopt;
-  OtherTurn other{tilt, {}};
+  OtherTurn other;
+  other.tilt = tilt;
   const Eigen::Index first = other.First(), size = tilt ? 2 : 1;
   const auto covariance = [&](const EarthSolution& solution) -> Eigen::MatrixXd {
     return solution.h.ldlt().solve(Matrix7d::Identity()).block(first, first, size, size);
@@ -605,7 +607,9 @@ std::optional<OtherTurn> FindOtherTurn(bool tilt, const EarthSolution& best, std
   if (known.trace() > kKnown_rad * kKnown_rad || !(gained.eigenvalues().minCoeff() > 0)) return std::nullopt;
   const Eigen::VectorXd off =
       gained.eigenvectors().transpose() * LogSO3(less.s.rotation * best.s.rotation.conjugate()).segment(first, size);
-  if (off.cwiseAbs2().cwiseQuotient(gained.eigenvalues()).sum() < kGate[size]) return std::nullopt;
+  const double chi2 = off.cwiseAbs2().cwiseQuotient(gained.eigenvalues()).sum();
+  if (chi2 < kGate[size]) return std::nullopt;
+  other.certain = chi2 > kCertain[size];
   // A few positions of which one is wrong fit any tilt; no frame is tilted so.
   if (tilt && off.norm() > kMostTilt_rad) return std::nullopt;
   other.off_rad = gained.eigenvectors() * off.asDiagonal();
@@ -773,7 +777,9 @@ std::string Remarks(const std::optional<OtherScale>& other, const std::vector<Ot
                                                 "the geotags, with half of the disagreement as its sigma");
   }
   const auto add = [&](const std::string& said) { reason += (reason.empty() ? "" : "; ") + said; };
-  for (const OtherTurn& turn : turns) add(turn.Describe());
+  for (const OtherTurn& turn : turns) {
+    if (turn.certain) add(turn.Describe());
+  }
   if (enlarged > 1) {
     add(fmt::format(
         "most geotags are farther off than their sigmas allow; these and the result's sigmas are multiplied by {:.1f}",

@@ -1103,6 +1103,45 @@ TEST(CaptureDate, GapsAreExplained) {
   EXPECT_EQ(DateOfRun(run), "2026-05-12");
 }
 
+TEST_F(SiteTest, GpsHeightsThatTheOriginContradictAreHardlyKnown) {
+  Write("origin.json", "{\"lat\": 48.0, \"lon\": 7.8, \"alt\": 240}");
+  const auto read = [&](const std::string& height) {
+    Write("runs/run1/gps.csv", "timestamp_s,latitude_deg,longitude_deg,height_m,sigma_v_m\n1,48.0001,7.8," + height +
+                                   ",2\n3,48.0001,7.8," + height + ",2\n");
+    return Read();
+  };
+  const Site right = read("243");
+  EXPECT_EQ(right.runs.at(0).gps.at(0).sigma_sea_m, 0);
+  EXPECT_EQ(Joined(right.warnings), "");
+  const Site wrong = read("192");
+  EXPECT_EQ(wrong.runs.at(0).gps.at(0).sigma_sea_m, 50);
+  EXPECT_GT(wrong.runs.at(0).gps.at(0).sigma_v_m, 50);
+  EXPECT_THAT(Joined(wrong.warnings), HasSubstr("the heights of GPS fixes (median 192 m) differ from that of origin"));
+  EXPECT_THAT(Joined(wrong.warnings), HasSubstr("above the sea"));
+  Write("control_points.csv", "tag_id,latitude_deg,longitude_deg,height_m\n1,48.0001,7.8,195\n");
+  EXPECT_EQ(Read().runs.at(0).gps.at(0).sigma_sea_m, 0) << "control is nearer than the origin";
+  Write("control_points.csv", "tag_id,latitude_deg,longitude_deg,height_m\n1,48.0001,7.8,240\n");
+  EXPECT_THAT(Joined(Read().warnings), HasSubstr("differ from that of control points (240 m)"));
+}
+
+TEST_F(SiteTest, FixesThatAReceiverRepeatsAreLeftOut) {
+  const auto read = [&](const std::string& sigma, const std::string& last) {
+    std::string text = "timestamp_s,latitude_deg,longitude_deg,height_m,sigma_h_m\n";
+    for (const char* time : {"1", "2", "3"}) text += std::string(time) + ",48.0001,7.8,240," + sigma + "\n";
+    Write("runs/run1/gps.csv", text + "4,48.0002,7.8," + last + "," + sigma + "\n");
+    return ReadOne();
+  };
+  const trigpoint::Run held = read("0.5", "240");  // odometry moves by 1 m a second
+  EXPECT_EQ(held.gps.size(), 4U) << "2 m may be noise";
+  std::string odometry;
+  for (int i = 1; i <= 4; ++i) odometry += std::to_string(i) + " " + std::to_string(2 * i) + " 0 0 0 0 0 1\n";
+  Write("runs/run1/odometry.tum", odometry);
+  const trigpoint::Run moved = read("0.5", "240");
+  EXPECT_EQ(moved.gps.size(), 2U);
+  EXPECT_THAT(Warnings(moved), HasSubstr("2 fixes of GPS repeat the one before"));
+  EXPECT_EQ(read("3", "240").gps.size(), 4U) << "within the fixes' noise";
+}
+
 TEST_F(SiteTest, UsesNothingOfATableWithoutAGoodRow) {
   Write("stations.csv", "station,tag_id,east_m,north_m,up_m\nA,x,1,2,3\n");
   Write("control_points.csv", "plate,up,down\n1,2,3\n");
