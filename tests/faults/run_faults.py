@@ -34,10 +34,12 @@ import numpy as np
 
 import draws
 import faults
+import field_faults
 from site_files import NotApplicable, Project, copy_links, rotation, station_number
 
 GOOD = ("right", "warned", "withheld", "refused")
 GATE = 3.0  # stated sigmas
+ALL_FAULTS = faults.FAULTS + field_faults.FAULTS
 ROUNDING_M = 0.0005  # of what results and truth are written in
 # Said whenever nothing is localized or georeferenced, whatever the cause.
 ALWAYS_SAID = (r"they show other places, or the run is wrong|"
@@ -363,7 +365,7 @@ class Runner:
             return [(i, draws.combination(i)) for i in numbers]
         if self.options.variations:
             return [(i, draws.variation(i, self.truth)) for i in numbers]
-        return [(i, f) for i, f in enumerate(faults.FAULTS)
+        return [(i, f) for i, f in enumerate(ALL_FAULTS)
                 if (f.quick or not self.options.quick) and
                 (not self.options.only or re.search(self.options.only, f"{f.group}: {f.name}"))]
 
@@ -447,7 +449,7 @@ def write_table(path, files):
     for file in files:
         data = json.loads(pathlib.Path(file).read_text())
         results = {(r["group"], r["fault"]): r for r in data["results"]}
-        for fault in faults.FAULTS:
+        for fault in ALL_FAULTS:
             record = results.get((fault.group, fault.name))
             if record and "messages" in record:
                 record["verdict"] = verdict_of(record, fault.cause)
@@ -459,8 +461,8 @@ def write_table(path, files):
         verdicts = [r["verdict"] for r in results.values()]
         failed = sum(v not in (*GOOD, "not applicable") for v in verdicts)
         lines.append(f"| {name} | " + " | ".join(str(verdicts.count(v)) for v in GOOD) + f" | {failed} |")
-    group = None
-    for fault in faults.FAULTS:
+    group, groups = None, list(dict.fromkeys(fault.group for fault in ALL_FAULTS))
+    for fault in sorted(ALL_FAULTS, key=lambda fault: groups.index(fault.group)):
         key = (fault.group, fault.name)
         found = [results.get(key) for _, results in sets]
         if not any(found):
