@@ -8,6 +8,7 @@
 #include "app/pipeline/detect_stage.h"
 #include "app/pipeline/reconstruct_stage.h"
 #include "datasets/io/camchain.h"
+#include "datasets/io/odometry_limits.h"
 #include "datasets/io/survey_tables.h"
 #include "datasets/io/tables.h"
 #include "datasets/io/text.h"
@@ -59,7 +60,7 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   survey.date = run.config.date;
   survey.odometry = run.odometry;
   survey.scale_sigma = run.config.odometry_scale_sigma;
-  survey.levelled = run.config.odometry_levelled;
+  survey.levelled = run.config.odometry_levelled && !IsFlat(run.odometry);
   Run seen = run;  // through the lenses that `reconstruct` found
   UseReconstruction(project, its, options, &seen, &survey, &job->warnings);
   survey.cameras = seen.cameras;

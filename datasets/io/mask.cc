@@ -1,5 +1,7 @@
 #include "datasets/io/mask.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -10,6 +12,7 @@
 
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "datasets/io/exif.h"
 #include "datasets/io/image.h"
@@ -205,16 +208,33 @@ fs::path FileThatMasks(const Run& run, const ImageEntry& image) {
 
 }  // namespace
 
+namespace {
+
+// Less than even the circle of a fisheye leaves of a wide picture: an inverted mask leaves what was to be ignored.
+void WarnOfLargeMasks(const Run& run, const std::vector<double>& share, ProgressSink& progress) {
+  constexpr double kLittle = 1.0 / 3;
+  const double left = share.empty() ? 1 : Median(share);
+  if (left > kLittle) return;
+  progress.Log(LogLevel::kWarning,
+               fmt::format("run {}: the masks ignore {:.0f} % of a picture (median); expected the carrier and what "
+                           "moves to be ignored: 255 = takes part, 0 = ignored. Are they inverted?",
+                           run.name, 100 * (1 - left)));
+}
+
+}  // namespace
+
 void CheckMasks(const Run& run, int threads, ProgressSink& progress, const CancelToken& cancel) {
   const RunMasks masks(run);
   const size_t count = run.images.size();
   std::vector<std::string> problems(count);
   std::vector<char> ignored(count, 0);
+  std::vector<double> share(count, 1);  // of the picture, that takes part
   ParallelFor(static_cast<int64_t>(count), threads, cancel, [&](int64_t i) {
     const auto k = static_cast<size_t>(i);
     try {
       const cv::Mat mask = masks.Of(run.images[k]);
-      ignored[k] = !mask.empty() && cv::countNonZero(mask) == 0;
+      if (!mask.empty()) share[k] = cv::countNonZero(mask) / static_cast<double>(mask.total());
+      ignored[k] = share[k] == 0;
     } catch (const InputError& e) {
       problems[k] = e.what();
     }
@@ -234,7 +254,7 @@ void CheckMasks(const Run& run, int threads, ProgressSink& progress, const Cance
     pictures.insert(picture);
     if (ignored[k] == 0) left.insert(picture);
   }
-  if (left.size() == pictures.size()) return;
+  if (left.size() == pictures.size()) return WarnOfLargeMasks(run, share, progress);
   const auto first = std::find_if(run.images.begin(), run.images.end(),
                                   [&](const ImageEntry& image) { return left.count(PictureOf(run, image)) == 0; });
   progress.Log(LogLevel::kWarning, FileThatMasks(run, *first).string() +

@@ -1,6 +1,9 @@
 #include "localize/files/job.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -14,6 +17,7 @@
 #include "datasets/io/gps.h"
 #include "datasets/io/image.h"
 #include "datasets/io/motion_rates.h"
+#include "datasets/io/odometry_limits.h"
 #include "datasets/io/rig_file.h"
 #include "datasets/io/source_quality.h"
 #include "localize/reconstruct/feature_store.h"
@@ -166,6 +170,14 @@ std::function<FeatureSet(int reference, int view)> ViewFeatures(const std::share
   };
 }
 
+// Of the body about a pose, m/s, by odometry.
+double SpeedAt(const LocalizeInput& input, size_t pose) {
+  const size_t a = pose > 0 ? pose - 1 : 0, b = std::min(pose + 1, input.pose_stamps.size() - 1);
+  const double time_s = 1e-9 * static_cast<double>(input.pose_stamps[b] - input.pose_stamps[a]);
+  if (!(time_s > 0)) return 0;
+  return (input.odom_from_body[b].translation - input.odom_from_body[a].translation).norm() / time_s;
+}
+
 // The run's fixes at the times of its poses.
 std::vector<GpsPlace> GpsPlaces(const Run& run, const LocalizeInput& input) {
   std::vector<GpsPlace> places;
@@ -181,6 +193,10 @@ std::vector<GpsPlace> GpsPlaces(const Run& run, const LocalizeInput& input) {
       g.arm_m = input.odom_from_body[*at].Inverse() * (*then * g.arm_m);
     g.position = input.frame.EnuFromGeodetic(fix.position);
     g.sigma_h_m = fix.sigma_h_m, g.sigma_v_m = fix.sigma_v_m, g.sigma_sea_m = fix.sigma_sea_m;
+    if (input.time_resolution_s > 0) {
+      const double late_m = SpeedAt(input, *at) * input.time_resolution_s / std::sqrt(3.0);
+      g.sigma_h_m = std::hypot(g.sigma_h_m, late_m);
+    }
     g.stamp_ns = fix.stamp_ns;
     places.push_back(g);
   }
@@ -239,13 +255,30 @@ void RequireTwoPoses(const Run& run, const LocalizeJob& job) {
                    " lie outside odometry's time; check odometry.time_offset_s in run.yaml)");
 }
 
+void WarnOfLimits(const Run& run, LocalizeJob* job) {
+  if (job->input.flat) {
+    job->warnings.push_back(
+        fmt::format("{}: has no heights, no roll and no pitch (they never change): these are taken as unknown, on "
+                    "ground that slopes by 3 deg (1 sigma), and odometry as not levelled",
+                    (run.dir / "odometry.tum").string()));
+  }
+  if (job->input.time_resolution_s > 0) {
+    job->warnings.push_back(
+        fmt::format("{}: the times of the images are whole seconds, and uneven; expected times to a millisecond, as "
+                    "odometry has them. Each is taken to be off by up to {:g} s, and odometry counts for less",
+                    (run.dir / "images.txt").string(), job->input.time_resolution_s));
+  }
+}
+
 }  // namespace
 
 LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features) {
   LocalizeJob job;
   LocalizeInput& input = job.input;
   input.cameras = run.cameras;
-  input.levelled = run.config.odometry_levelled;
+  input.flat = IsFlat(run.odometry);
+  input.levelled = run.config.odometry_levelled && !input.flat;
+  input.time_resolution_s = TimeResolution(run);
   input.scale_sigma = run.config.odometry_scale_sigma;
   input.has_odometry = !run.odometry.poses.empty();
   const auto store = std::make_shared<FeatureStore>(run_features);
@@ -255,6 +288,7 @@ LocalizeJob MakeRunJob(const Run& run, const std::filesystem::path& run_features
                            " images are not covered by odometry and are left out");
   }
   RequireTwoPoses(run, job);
+  WarnOfLimits(run, &job);
   input.body_rates = RatesAt(run.odometry, input.pose_stamps);
   input.image_features = [store, images = input.images, cameras = input.cameras, rates = input.body_rates](int i) {
     const FrameImage& image = images[static_cast<size_t>(i)];

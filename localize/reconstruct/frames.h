@@ -52,6 +52,8 @@ struct LocalizeInput {
   std::vector<int64_t> pose_stamps;     // of each body pose
   std::vector<Rigid3d> odom_from_body;  // odometry at each body pose
   std::vector<MotionRate> body_rates;   // and how the body moves there
+  bool flat = false;                    // odometry has no heights, no roll and no pitch (datasets/io/odometry_limits.h)
+  double time_resolution_s = 0;         // that the images' times are cut off to; 0: they are exact
   bool has_odometry = true;             // else these are the images' own motion, whose length nothing has measured
   std::vector<ReferenceViews> references;
   // Of cameras with a readout time: where the features of far points would be at the image's time.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "calib/base/wide.h"
+#include "calib/geometry/bearing.h"
 #include "localize/reconstruct/features.h"
 
 namespace trigpoint {
@@ -93,6 +94,26 @@ Matches MatchMutual(const DescriptorBlock& a, const DescriptorBlock& b, double r
     if (back.index != i || back.best > r2 * back.second) continue;
     matches.emplace_back(i, m.index);
   }
+  return matches;
+}
+
+Matches WithoutCarrier(Matches matches, const std::vector<Eigen::Vector3d>& rays_a,
+                       const std::vector<Eigen::Vector3d>& rays_b, double pixel_rad) {
+  constexpr double kStill_px = 1.5, kMoving_px = 6;
+  constexpr size_t kLeastStill = 8, kLeastMoving = 20;
+  constexpr double kMostBetween = 0.15;  // of those that stand still
+  const auto moved_px = [&](const std::pair<int, int>& m) {
+    return AngleBetween(rays_a[static_cast<size_t>(m.first)], rays_b[static_cast<size_t>(m.second)]) / pixel_rad;
+  };
+  size_t still = 0, between = 0;
+  for (const auto& m : matches) {
+    const double px = moved_px(m);
+    still += px < kStill_px ? 1 : 0;
+    between += px >= kStill_px && px < kMoving_px ? 1 : 0;
+  }
+  const bool apart = static_cast<double>(between) <= kMostBetween * static_cast<double>(still);
+  if (still < kLeastStill || matches.size() - still - between < kLeastMoving || !apart) return matches;
+  std::erase_if(matches, [&](const auto& m) { return moved_px(m) < kStill_px; });
   return matches;
 }
 

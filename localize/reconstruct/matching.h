@@ -40,6 +40,11 @@ using Matches = std::vector<std::pair<int, int>>;
 // `max_distance` (of unit descriptors, 0 to sqrt 2).
 Matches MatchMutual(const DescriptorBlock& a, const DescriptorBlock& b, double ratio, double max_distance);
 
+// Matches of two pictures of one camera without those of what is fixed to it (a bonnet, a mount, dust): these stand
+// still (to 1.5 px) while all others move, and hardly any lie in between. `rays_a`, `rays_b`: of all features.
+Matches WithoutCarrier(Matches matches, const std::vector<Eigen::Vector3d>& rays_a,
+                       const std::vector<Eigen::Vector3d>& rays_b, double pixel_rad);
+
 // The paper's way: FLANN (kd-trees) on SIFT, ratio test one way. Several of a may share one of b: the closest stays.
 Matches MatchFlann(const cv::Mat& sift_a, const cv::Mat& sift_b, double ratio);
 

@@ -33,6 +33,7 @@ const Camera& CameraOf(const LocalizeInput& input, int image) {
 
 struct View {
   int image = 0;
+  double pixel_rad = 0;
   DescriptorBlock descriptors;
   std::vector<Eigen::Vector3d> rays;
 };
@@ -44,6 +45,7 @@ View ReadView(const LocalizeInput& input, int image, size_t most = kFeatures) {
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return all.scales[a] > all.scales[b]; });
   View view;
   view.image = image;
+  view.pixel_rad = 1 / CameraOf(input, image).MeanFocal();
   cv::Mat descriptors(0, DescriptorBlock::kDim, CV_8U);
   for (size_t i : order) {
     const auto ray = CameraOf(input, image).Unproject(all.points[i].cast<double>());
@@ -65,7 +67,8 @@ struct MatchedPair {
 
 // Nothing where too few features match.
 std::optional<MatchedPair> Match(const View& a, const View& b, const OdometryCheckOptions& options) {
-  const Matches matches = MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75);
+  const Matches matches =
+      WithoutCarrier(MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75), a.rays, b.rays, a.pixel_rad);
   if (static_cast<int>(matches.size()) < options.least_matches) return std::nullopt;
   MatchedPair pair{a.image, b.image, {}, {}, 0};
   std::vector<double> motions;
@@ -553,16 +556,13 @@ bool IsNoise(const ReadingVerdict& verdict, const std::vector<Rigid3d>& poses,
   return std::abs(slope - 1) < std::max(kSlope, kSigmas * std::sqrt(std::max(0.0, rest) / images));
 }
 
-// Odometry that turns as the images do, but at other times.
-std::optional<OdometryClock> FindClock(const LocalizeInput& input, const Trajectory& whole,
-                                       const std::vector<MeasuredMotion>& motions) {
+std::vector<MeasuredTurn> TurnsInTime(const LocalizeInput& input, const std::vector<MeasuredMotion>& motions) {
   std::vector<MeasuredTurn> turns;
   for (const MeasuredMotion& m : motions) {
     turns.push_back({input.pose_stamps[static_cast<size_t>(m.a)], input.pose_stamps[static_cast<size_t>(m.b)],
                      m.sensor_from_body.rotation, m.b_from_a.rotation});
   }
-  constexpr double kMost_s = 10;
-  return FindOdometryClock(whole, turns, kMost_s);
+  return turns;
 }
 
 std::string OtherClock(const OdometryClock& clock, const std::string& odometry) {
@@ -581,6 +581,26 @@ std::string OtherClock(const OdometryClock& clock, const std::string& odometry) 
       "check_conventions=false skips this check",
       odometry, -clock.offset_s, clock.sigma_s, clock.off_after_rad * kRadToDeg, clock.off_before_rad * kRadToDeg,
       clock.offset_s);
+}
+
+// Odometry that turns as the images do, but at other times, in all of the run or in a part of it.
+std::optional<std::string> FindOtherClock(const Trajectory& whole, const std::vector<MeasuredTurn>& turns,
+                                          const std::string& odometry, ProgressSink& progress) {
+  constexpr double kMost_s = 10;
+  const std::optional<OdometryClock> clock = FindOdometryClock(whole, turns, kMost_s);
+  if (!clock) return std::nullopt;
+  progress.Log(LogLevel::kInfo, fmt::format("odometry's clock against the images': {:+.2f} s (1 sigma {:.2f} s)",
+                                            -clock->offset_s, clock->sigma_s));
+  if (clock->significant) return OtherClock(*clock, odometry);
+  const std::optional<ClockStep> step = FindClockStep(whole, turns, kMost_s);
+  if (!step) return std::nullopt;
+  return fmt::format(
+      "{}: {} about {:.1f} s its clock is {:+.2f} s off the images' (1 sigma {:.2f} s; with its stamps corrected the "
+      "median difference of rotations is {:.2f} deg, uncorrected {:.2f} deg), in the other part of the run it agrees; "
+      "expected one clock for both: check the times and the order of the images (one that was lost shifts the times of "
+      "all that follow) and of odometry. Option check_conventions=false skips this check",
+      odometry, step->after ? "after" : "before", 1e-9 * static_cast<double>(step->at_ns), -step->clock.offset_s,
+      step->clock.sigma_s, step->clock.off_after_rad * kRadToDeg, step->clock.off_before_rad * kRadToDeg);
 }
 
 // A camera that stands on the body otherwise than its calibration states.
@@ -689,12 +709,7 @@ OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whol
   }
   const ReadingVerdict verdict = JudgeReadings(input.odom_from_body, motions, readings);
   if (verdict.kind != ReadingVerdict::Kind::kContradicted || verdict.better.empty()) {
-    const std::optional<OdometryClock> clock = FindClock(input, whole, motions);
-    if (clock) {
-      progress.Log(LogLevel::kInfo, fmt::format("odometry's clock against the images': {:+.2f} s (1 sigma {:.2f} s)",
-                                                -clock->offset_s, clock->sigma_s));
-    }
-    if (clock && clock->significant) return {OtherClock(*clock, odometry), {}};
+    if (auto other = FindOtherClock(whole, TurnsInTime(input, motions), odometry, progress)) return {other, {}};
   }
   // After the clock: on another clock a few steps differ most and look like a jump.
   if (auto frozen = FindFrozen(input, odometry, options, seed, cancel)) return {frozen, {}};

@@ -173,4 +173,21 @@ std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const
   return clock;
 }
 
+std::optional<ClockStep> FindClockStep(const Trajectory& odometry, std::vector<MeasuredTurn> turns, double most_s) {
+  constexpr size_t kParts = 4;
+  std::sort(turns.begin(), turns.end(),
+            [](const MeasuredTurn& a, const MeasuredTurn& b) { return a.a_ns + a.b_ns < b.a_ns + b.b_ns; });
+  for (size_t part = 1; part < kParts; ++part) {
+    const auto split = turns.begin() + static_cast<std::ptrdiff_t>(part * turns.size() / kParts);
+    const auto before = FindOdometryClock(odometry, {turns.begin(), split}, most_s);
+    const auto after = FindOdometryClock(odometry, {split, turns.end()}, most_s);
+    if (!before || !after || before->significant == after->significant) continue;
+    const OdometryClock& off = before->significant ? *before : *after;
+    const OdometryClock& right = before->significant ? *after : *before;
+    if (off.rate != 0 || !right.agrees) continue;
+    return ClockStep{(split->a_ns + split->b_ns) / 2, after->significant, off};
+  }
+  return std::nullopt;
+}
+
 }  // namespace trigpoint

@@ -35,4 +35,15 @@ struct OdometryClock {
 std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const std::vector<MeasuredTurn>& turns,
                                                double most_s);
 
+// A clock that agrees in one part of a run and is off in the other, as where a picture was lost and later ones have
+// each the time of the one before.
+struct ClockStep {
+  int64_t at_ns = 0;  // about where it steps
+  bool after = true;  // it is off after that, else before
+  OdometryClock clock;
+};
+
+// Nothing where one offset or one rate explains all turns. The place is known to a quarter of the run.
+std::optional<ClockStep> FindClockStep(const Trajectory& odometry, std::vector<MeasuredTurn> turns, double most_s);
+
 }  // namespace trigpoint

@@ -417,6 +417,42 @@ PoseFactor LengthFactor(const LocalizeInput& input) {
 
 }  // namespace
 
+namespace {
+
+// 1 sigma of a step of odometry as the options state it: rotation, translation.
+Vector6d StepSigma(const Rigid3d& step, const ReconstructOptions& o) {
+  const double length = step.translation.norm();
+  // Over more than a metre directions wander: their variance grows with the length, not their sigma.
+  const double wander = o.odometry_rotation_deg_m * std::min(length, std::sqrt(length));
+  const double rotation = std::hypot(o.odometry_rotation_deg, wander) * kDegToRad;
+  const double translation = std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
+  Vector6d sigma;
+  sigma << Eigen::Vector3d::Constant(rotation), Eigen::Vector3d::Constant(translation);
+  return sigma;
+}
+
+// 1 sigma of what odometry of two dimensions and times that are cut off leave open of a step.
+Vector6d LimitsOf(const LocalizeInput& input, const Rigid3d& step, double step_s) {
+  // Ground slopes by 3 deg (1 sigma), over 10 m otherwise.
+  constexpr double kSlope_rad = 3 * kDegToRad, kOtherwise_m = 10;
+  const double length = step.translation.norm();
+  Vector6d sigma = Vector6d::Zero();
+  if (input.flat) {
+    const double turned = kSlope_rad * std::sqrt(2 * (1 - std::exp(-length / kOtherwise_m)));
+    sigma.head<2>().setConstant(turned);
+    sigma(5) = kSlope_rad * length;
+  }
+  if (input.time_resolution_s > 0 && step_s > 0) {
+    // The difference of two times that are even within the resolution, as a share of the step.
+    const double share = input.time_resolution_s / std::sqrt(6.0) / step_s;
+    sigma.head<3>().array() += share * Eigen::AngleAxisd(step.rotation).angle();
+    sigma.tail<3>().array() += share * length;
+  }
+  return sigma;
+}
+
+}  // namespace
+
 std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const ReconstructOptions& o,
                                         const Vector6d& noise_factor) {
   std::vector<PoseFactor> factors;
@@ -427,14 +463,10 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
     f.b = static_cast<int>(k + 1);
     f.scale = 0;
     f.measured = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
-    const double length = f.measured.translation.norm();
-    // Over more than a metre directions wander: their variance grows with the length, not their sigma.
-    const double wander = o.odometry_rotation_deg_m * std::min(length, std::sqrt(length));
-    const double rotation = std::hypot(o.odometry_rotation_deg, wander) * kDegToRad;
-    const double translation = std::hypot(o.odometry_translation_m, o.odometry_translation_part * length);
-    Vector6d sigma;
-    sigma << Eigen::Vector3d::Constant(rotation), Eigen::Vector3d::Constant(translation);
-    f.sqrt_info = Matrix6d(sigma.cwiseProduct(noise_factor).cwiseInverse().asDiagonal());
+    const double step_s = 1e-9 * static_cast<double>(input.pose_stamps[k + 1] - input.pose_stamps[k]);
+    const Vector6d stated = StepSigma(f.measured, o).cwiseProduct(noise_factor);
+    const Vector6d sigma = (stated.array().square() + LimitsOf(input, f.measured, step_s).array().square()).sqrt();
+    f.sqrt_info = Matrix6d(sigma.cwiseInverse().asDiagonal());
     f.loss = std::make_shared<HuberChi2Loss>(22.5);  // 0.1 % of chi-square with 6 dof: a wheel that slips
     factors.push_back(f);
   }

@@ -157,8 +157,8 @@ class StreamTracker {
     trusting.min_prior_inliers = 0;
     PairResult out = Verified(a, b, near, prior, trusting);
     if (out.matches.size() < 100 || out.matches.size() < 0.6 * static_cast<double>(near.size())) {
-      const PairResult all =
-          Verified(a, b, MatchMutual(a.descriptors, b.descriptors, o_.ratio, o_.max_distance), prior, two);
+      const Matches mutual = MatchMutual(a.descriptors, b.descriptors, o_.ratio, o_.max_distance);
+      const PairResult all = Verified(a, b, WithoutCarrier(mutual, a.rays, b.rays, 1 / focal), prior, two);
       if (all.matches.size() > out.matches.size()) out = all;
     }
     if (static_cast<int>(out.matches.size()) < kLeastMatches) out.b_from_a = prior;

@@ -260,6 +260,11 @@ ViewEdge VerifyPair(const LocalizeInput& input, const ImagePair& pair, const Pre
   ViewEdge edge;
   edge.pair = pair;
   edge.candidates = MatchMutual(a.descriptors, b.descriptors, options.ratio, options.max_distance);
+  const auto camera = [&](int image) { return input.images[static_cast<size_t>(image)].camera; };
+  if (camera(pair.a) == camera(pair.b)) {
+    const double pixel_rad = 1 / CameraOf(input, pair.a).MeanFocal();
+    edge.candidates = WithoutCarrier(std::move(edge.candidates), a.rays, b.rays, pixel_rad);
+  }
   const Rigid3d prior =
       CamFromOdom(input, input.odom_from_body, pair.b) * CamFromOdom(input, input.odom_from_body, pair.a).Inverse();
   WideBaselineOptions two;

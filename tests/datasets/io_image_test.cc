@@ -210,6 +210,15 @@ TEST(RunMasks, AreCheckedBeforeTheyAreUsed) {
   ASSERT_EQ(listener.lines.size(), 1u);
   EXPECT_THAT(listener.lines[0],
               AllOf(HasSubstr("masks/b.png: expected a mask that leaves"), HasSubstr("(so of 2 of 4 pictures)")));
+  listener.lines.clear();
+  for (const char* name : {"a.png", "b.png", "c.png", "d.png"}) {
+    cv::Mat inverted(48, 64, CV_8U, cv::Scalar(0));
+    inverted.rowRange(38, 48) = 255;
+    ASSERT_TRUE(cv::imwrite((dir / "masks" / name).string(), inverted));
+  }
+  CheckMasks(run, 2, listener, CancelToken());
+  ASSERT_EQ(listener.lines.size(), 1u);
+  EXPECT_THAT(listener.lines[0], HasSubstr("the masks ignore 79 % of a picture"));
   mask("c.png", 10, 255);
   mask("d.png", 11, 255);
   EXPECT_THAT(MessageOf<InputError>([&] { CheckMasks(run, 2, listener, CancelToken()); }),

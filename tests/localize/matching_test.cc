@@ -282,5 +282,29 @@ TEST(WideBaseline, RefusesWhatChanceMakes) {
   EXPECT_FALSE(VerifyWideBaseline(rays.a, rays.b, pair.b_from_a, options).verified);
 }
 
+// A bonnet in the picture stands still while all else moves.
+TEST(WithoutCarrier, LeavesOutWhatIsFixedToTheCamera) {
+  const Camera camera = Camera::FromFieldOfView(960, 600, 1.5);
+  const double pixel_rad = 1 / camera.MeanFocal();
+  Random random(2);
+  std::vector<Eigen::Vector3d> a, b;
+  Matches matches;
+  const auto add = [&](double moved_px) {
+    const Eigen::Vector2d pixel(random.Uniform(100, 800), random.Uniform(50, 550));
+    const Eigen::Vector2d noise(0.3 * random.Normal(), 0.3 * random.Normal());
+    a.push_back(*camera.Unproject(pixel));
+    b.push_back(*camera.Unproject(pixel + Eigen::Vector2d(moved_px, 0) + noise));
+    matches.emplace_back(static_cast<int>(a.size()) - 1, static_cast<int>(a.size()) - 1);
+  };
+  for (int k = 0; k < 60; ++k) add(0);
+  for (int k = 0; k < 40; ++k) add(random.Uniform(10, 60));
+  EXPECT_EQ(WithoutCarrier(matches, a, b, pixel_rad).size(), 40U);
+  // Straight ahead, what is far away hardly moves, and there is no gap: all of it is scene.
+  for (int k = 0; k < 30; ++k) add(random.Uniform(1.5, 6));
+  EXPECT_EQ(WithoutCarrier(matches, a, b, pixel_rad).size(), 130U);
+  // Nothing moves: the camera stands.
+  EXPECT_EQ(WithoutCarrier({matches.begin(), matches.begin() + 60}, a, b, pixel_rad).size(), 60U);
+}
+
 }  // namespace
 }  // namespace trigpoint

@@ -263,6 +263,28 @@ TEST(OdometryClock, ThatRunsAtAnotherRateIsFound) {
   }
 }
 
+// A picture that was lost: those after it have each the time of the one before.
+TEST(OdometryClock, ThatStepsIsFound) {
+  Random random(7);
+  for (const double at_s : {15.0, 28.0, 40.0}) {
+    auto [odometry, turns] = MakeClockedDrive(0, 0, &random);
+    EXPECT_FALSE(FindClockStep(odometry, turns, 10));
+    for (MeasuredTurn& turn : turns) {
+      if (turn.a_ns > 1e9 * at_s) turn.a_ns -= 800'000'000, turn.b_ns -= 800'000'000;
+    }
+    const auto step = FindClockStep(odometry, turns, 10);
+    ASSERT_TRUE(step) << at_s;
+    EXPECT_NEAR(step->clock.offset_s, -0.8, 3 * step->clock.sigma_s + 0.1) << at_s;
+    EXPECT_NEAR(1e-9 * static_cast<double>(step->at_ns), at_s, 60 / 4.0);
+    EXPECT_TRUE(step->after);
+  }
+  // By chance alone, none.
+  for (int draw = 0; draw < 30; ++draw) {
+    const auto [odometry, turns] = MakeClockedDrive(0, 0, &random);
+    EXPECT_FALSE(FindClockStep(odometry, turns, 10));
+  }
+}
+
 TEST(OdometryClock, IsNotKnownWhereTurnsAreEven) {
   Drive drive = MakeDrive(0.8, 3);
   const std::vector<Rigid3d> poses = drive.input.odom_from_body;
