@@ -41,6 +41,10 @@ GpsTrack ReadGpsCsv(const std::filesystem::path& file);
 // without GST get 0.02 / 0.04 m and 0.3 / 0.5 m.
 GpsTrack ReadNmea(const std::filesystem::path& file, const RunClock& clock);
 
+// Why the heights of a run's fixes cannot be above the ellipsoid, where no geotag has a height and only control points,
+// or else the site's origin, can tell; empty where they can.
+std::string GpsHeightContradiction(const Site& site, const Run& run);
+
 // GPX 1.0 and 1.1 track points with time; height = ele + geoidheight.
 GpsTrack ReadGpx(const std::filesystem::path& file, const RunClock& clock);
 

@@ -210,15 +210,23 @@ fs::path FileThatMasks(const Run& run, const ImageEntry& image) {
 
 namespace {
 
-// Less than even the circle of a fisheye leaves of a wide picture: an inverted mask leaves what was to be ignored.
+// An inverted mask leaves what was to be ignored. Of the cameras that somebody has made masks for.
 void WarnOfLargeMasks(const Run& run, const std::vector<double>& share, ProgressSink& progress) {
-  constexpr double kLittle = 1.0 / 3;
-  const double left = share.empty() ? 1 : Median(share);
-  if (left > kLittle) return;
-  progress.Log(LogLevel::kWarning,
-               fmt::format("run {}: the masks ignore {:.0f} % of a picture (median); expected the carrier and what "
-                           "moves to be ignored: 255 = takes part, 0 = ignored. Are they inverted?",
-                           run.name, 100 * (1 - left)));
+  constexpr double kLittle = 0.25;
+  for (size_t c = 0; c < run.cameras.size(); ++c) {
+    const CameraMask& mask = run.cameras[c].mask;
+    if (mask.pictures.empty() && mask.folders.empty()) continue;
+    std::vector<double> its;
+    for (size_t k = 0; k < share.size(); ++k) {
+      if (run.images[k].camera == static_cast<int>(c)) its.push_back(share[k]);
+    }
+    const double left = its.empty() ? 1 : Median(its);
+    if (left > kLittle) continue;
+    progress.Log(LogLevel::kWarning,
+                 fmt::format("run {}: the masks of {} ignore {:.0f} % of a picture (median); expected the carrier and "
+                             "what moves to be ignored: 255 = takes part, 0 = ignored. Are they inverted?",
+                             run.name, run.cameras[c].name, 100 * (1 - left)));
+  }
 }
 
 }  // namespace

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <map>
+#include <utility>
 #include <vector>
 
 namespace trigpoint {
@@ -10,13 +11,16 @@ namespace {
 
 constexpr int64_t kSecond_ns = 1'000'000'000;
 
-// Whether steps differ as those of times do that are cut off. A few longer ones are images that are missing.
+// Whether steps are of n and n + 1 seconds, as those of even times that were cut off. A few others are images that are
+// missing.
 bool AreUneven(const std::vector<int64_t>& steps) {
   constexpr double kFew = 0.15;
   const int64_t least = *std::min_element(steps.begin(), steps.end());
-  const auto longer = std::count_if(steps.begin(), steps.end(), [&](int64_t step) { return step > least; });
-  const bool multiples = std::all_of(steps.begin(), steps.end(), [&](int64_t step) { return step % least == 0; });
-  return !multiples || (least == kSecond_ns && static_cast<double>(longer) > kFew * static_cast<double>(steps.size()));
+  const auto share = [&](int64_t step) {
+    return static_cast<double>(std::count(steps.begin(), steps.end(), step)) / static_cast<double>(steps.size());
+  };
+  const double shorter = share(least), longer = share(least + kSecond_ns);
+  return shorter > kFew && longer > kFew && shorter + longer > 1 - kFew;
 }
 
 }  // namespace
@@ -38,19 +42,14 @@ double TimeResolution(const Run& run) {
   const auto whole = [](int64_t stamp_ns) { return stamp_ns % kSecond_ns == 0; };
   const auto& poses = run.odometry.poses;
   if (std::all_of(poses.begin(), poses.end(), [&](const TimedPose& pose) { return whole(pose.stamp_ns); })) return 0;
-  std::set<std::pair<int, int64_t>> seen;  // by each camera
-  bool twice = false;
+  std::vector<int64_t> steps;
+  std::map<int, int64_t> last;  // of each camera
   for (const ImageEntry& image : run.images) {
     if (!whole(image.stamp_ns)) return 0;
-    twice = !seen.insert({image.camera, image.stamp_ns}).second || twice;
+    const auto [before, first] = last.try_emplace(image.camera, image.stamp_ns);
+    if (!first) steps.push_back(image.stamp_ns - std::exchange(before->second, image.stamp_ns));
   }
-  std::vector<int64_t> steps;
-  for (auto a = seen.begin(); a != seen.end() && std::next(a) != seen.end(); ++a) {
-    const auto b = std::next(a);
-    if (a->first == b->first) steps.push_back(b->second - a->second);
-  }
-  if (steps.size() < kLeastSteps) return 0;
-  return twice || AreUneven(steps) ? 1 : 0;
+  return steps.size() >= kLeastSteps && AreUneven(steps) ? 1 : 0;
 }
 
 }  // namespace trigpoint

@@ -229,36 +229,29 @@ void CompareGeotagHeights(const Level& level, Site* site) {
   for (Reference& reference : site->references) reference.geotag.has_height = false;
 }
 
-// Of GPS that no geotag can tell wrong. What fixes say of each other's heights stays.
-void CompareGpsHeights(const Level& level, Site* site) {
-  std::vector<GpsFix*> fixes;
-  std::vector<Geodetic> places;
-  for (Run& run : site->runs) {
-    for (GpsFix& fix : run.gps) {
-      if (fix.sigma_sea_m > 0) continue;
-      fixes.push_back(&fix);
-      places.push_back(fix.position);
-    }
-  }
-  const std::string why = HeightContradiction("GPS fixes", places, level);
-  if (why.empty()) return;
-  site->warnings.push_back(why +
-                           fmt::format(", and these heights share an error of {:.0f} m (1 sigma)", kUnknownGeoidSigma));
-  for (GpsFix* fix : fixes) CountFromSea(fix);
+bool HasGeotagHeights(const Site& site) {
+  return std::any_of(site.references.begin(), site.references.end(),
+                     [](const Reference& reference) { return reference.geotag.has_height; });
 }
 
-void CompareHeights(Site* site) {
+void CompareHeightsWithOrigin(Site* site) {
   const std::optional<Level> level = FindLevel(*site);
-  if (!level) return;
   const bool gps = std::any_of(site->runs.begin(), site->runs.end(), [](const Run& run) { return !run.gps.empty(); });
-  const bool tagged = std::any_of(site->references.begin(), site->references.end(),
-                                  [](const Reference& reference) { return reference.geotag.has_height; });
-  const bool control = level->name == "control points";  // `survey` compares geotags with them
-  if (tagged && !gps && !control) CompareGeotagHeights(*level, site);
-  if (!tagged && gps) CompareGpsHeights(*level, site);
+  if (!level || level->name != "origin.json" || gps) return;  // `survey` compares geotags with control
+  CompareGeotagHeights(*level, site);
 }
 
 }  // namespace
+
+std::string GpsHeightContradiction(const Site& site, const Run& run) {
+  const std::optional<Level> level = FindLevel(site);
+  if (!level || HasGeotagHeights(site)) return "";
+  std::vector<Geodetic> places;
+  for (const GpsFix& fix : run.gps) {
+    if (fix.sigma_sea_m == 0 && fix.sigma_v_m < kUnknownHeightSigma) places.push_back(fix.position);
+  }
+  return HeightContradiction("GPS fixes of run " + run.name, places, *level);
+}
 
 bool IsGeoTiff(const std::filesystem::path& file) {
   TIFFSetErrorHandler(nullptr);
@@ -299,7 +292,7 @@ void LeaveOutFarPlaces(Site* site) {
   }
   references.Warn(&site->warnings);
   CompareWithOrigin(site);
-  CompareHeights(site);
+  CompareHeightsWithOrigin(site);
 }
 
 }  // namespace trigpoint

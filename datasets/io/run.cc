@@ -334,7 +334,7 @@ void ReadGps(Run* run) {
 void LeaveOutHeldFixes(Run* run) {
   constexpr size_t kLeastFixes = 3;
   constexpr double kSigmas = 3, kLeast_m = 2;
-  constexpr int64_t kGap_ns = 2'000'000'000;
+  constexpr int64_t kGap_ns = 60'000'000'000;  // a straight line is good enough to see that it moves
   const std::vector<GpsFix> all = std::move(run->gps);
   run->gps.clear();
   int64_t left_out = 0;
@@ -345,9 +345,10 @@ void LeaveOutHeldFixes(Run* run) {
              p.height_m == first.position.height_m;
     };
     double farthest_m = 0;
-    const auto from = run->odometry.At(first.stamp_ns, kGap_ns);
+    std::optional<Rigid3d> from;
     for (; end < all.size() && is_same(all[end].position); ++end) {
       const auto to = run->odometry.At(all[end].stamp_ns, kGap_ns);
+      if (!from) from = to;
       if (from && to) farthest_m = std::max(farthest_m, (to->translation - from->translation).norm());
     }
     const bool held = end - begin >= kLeastFixes && farthest_m > std::max(kLeast_m, kSigmas * first.sigma_h_m);

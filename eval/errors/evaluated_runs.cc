@@ -10,6 +10,7 @@
 #include "calib/base/counted.h"
 #include "datasets/io/camchain.h"
 #include "datasets/io/csv.h"
+#include "datasets/io/odometry_limits.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
 #include "eval/errors/changed_errors.h"
@@ -134,7 +135,7 @@ EvaluatedRun ReadEvaluatedRun(const TagPosesOptions* own_tags, const Run& run, c
   evaluated.variant = variant;
   const std::string mode = manifest.value("options", nlohmann::json::object()).value("mode", "trigpoint");
   evaluated.method = mode == "paper" ? "g2" : "single";
-  evaluated.odometry_levelled = run.config.odometry_levelled;
+  evaluated.odometry_levelled = run.config.odometry_levelled && !IsFlat(run.odometry);
   const fs::path dir = project.ResultDir("localize", ResultNameOf(run.name, variant));
   std::optional<Solution> solution;  // none: of an older program
   if (fs::exists(dir / kSolutionFile)) solution = ReadSolution(dir / kSolutionFile);

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "calib/base/error.h"
+#include "calib/base/median.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/alignment.h"
 #include "datasets/io/text.h"
@@ -170,6 +171,15 @@ std::vector<PosePair> Interpolated(const PoseSequence& reference, const PoseSequ
   }
   if (pairs.empty()) ThrowNoPairs(reference, estimate, options.max_gap_s);
   return pairs;
+}
+
+// Between poses, s.
+double MedianStep(const PoseSequence& sequence) {
+  std::vector<double> steps;
+  for (size_t i = 1; i < sequence.stamps_ns.size(); ++i) {
+    steps.push_back(Seconds(sequence.stamps_ns[i]) - Seconds(sequence.stamps_ns[i - 1]));
+  }
+  return steps.empty() ? 0 : Median(std::move(steps));
 }
 
 std::string LengthText(double metres, double metres_per_unit) {
@@ -372,6 +382,7 @@ TrajectoryReport EvaluateTrajectory(const std::string& name, const PoseSequence&
   if (options.find_offset && report.time_offset && report.time_offset->significant) {
     association.offset_s += report.time_offset->offset_s;
     association.interpolate = true;  // a clock that is moved leaves no stamps beside each other
+    association.max_gap_s = std::max({association.max_gap_s, 3 * MedianStep(reference), 3 * MedianStep(estimate)});
   }
   report.applied_offset_s = association.offset_s;
   report.interpolated = association.interpolate;
@@ -487,6 +498,7 @@ nlohmann::json TrajectoryReportsJson(const std::vector<TrajectoryReport>& report
   return {{"schema", "trigpoint trajectory 1"},
           {"alignment", ToString(options.alignment)},
           {"max_difference_s", options.association.max_difference_s},
+          {"interpolated", options.association.interpolate},
           {"estimates", estimates}};
 }
 

@@ -19,6 +19,7 @@
 #include "datasets/io/motion_rates.h"
 #include "datasets/io/odometry_limits.h"
 #include "datasets/io/rig_file.h"
+#include "datasets/io/run_parts.h"
 #include "datasets/io/source_quality.h"
 #include "localize/reconstruct/feature_store.h"
 #include "localize/reconstruct/rolling_shutter.h"
@@ -193,7 +194,8 @@ std::vector<GpsPlace> GpsPlaces(const Run& run, const LocalizeInput& input) {
       g.arm_m = input.odom_from_body[*at].Inverse() * (*then * g.arm_m);
     g.position = input.frame.EnuFromGeodetic(fix.position);
     g.sigma_h_m = fix.sigma_h_m, g.sigma_v_m = fix.sigma_v_m, g.sigma_sea_m = fix.sigma_sea_m;
-    if (input.time_resolution_s > 0) {
+    // EXIF states a picture's time and place together.
+    if (input.time_resolution_s > 0 && GpsFile(run.dir)) {
       const double late_m = SpeedAt(input, *at) * input.time_resolution_s / std::sqrt(3.0);
       g.sigma_h_m = std::hypot(g.sigma_h_m, late_m);
     }
@@ -255,6 +257,19 @@ void RequireTwoPoses(const Run& run, const LocalizeJob& job) {
                    " lie outside odometry's time; check odometry.time_offset_s in run.yaml)");
 }
 
+// Heights of GPS that cannot be above the ellipsoid are taken as above the sea, as far as that may be from it.
+void DoubtGpsHeights(const Site& site, const Run& run, LocalizeJob* job) {
+  const std::string why = job->gps.empty() ? "" : GpsHeightContradiction(site, run);
+  if (why.empty()) return;
+  job->warnings.push_back(why +
+                          fmt::format(", and these heights share an error of {:.0f} m (1 sigma)", kUnknownGeoidSigma));
+  for (GpsPlace& place : job->gps) {
+    if (place.sigma_sea_m > 0 || place.sigma_v_m >= kUnknownHeightSigma) continue;
+    place.sigma_sea_m = kUnknownGeoidSigma;
+    place.sigma_v_m = std::hypot(place.sigma_v_m, kUnknownGeoidSigma);
+  }
+}
+
 void WarnOfLimits(const Run& run, LocalizeJob* job) {
   if (job->input.flat) {
     job->warnings.push_back(
@@ -264,9 +279,9 @@ void WarnOfLimits(const Run& run, LocalizeJob* job) {
   }
   if (job->input.time_resolution_s > 0) {
     job->warnings.push_back(
-        fmt::format("{}: the times of the images are whole seconds, and uneven; expected times to a millisecond, as "
+        fmt::format("{}: the times of its images are whole seconds, and uneven; expected times to a millisecond, as "
                     "odometry has them. Each is taken to be off by up to {:g} s, and odometry counts for less",
-                    (run.dir / "images.txt").string(), job->input.time_resolution_s));
+                    run.dir.string(), job->input.time_resolution_s));
   }
 }
 
@@ -324,6 +339,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   input.view_features = ViewFeatures(store, names_of, job);
   input.view_index = [reference_results, names_of] { return MapViewIndex(reference_results, names_of); };
   if (has_frame) job.gps = GpsPlaces(run, input);
+  DoubtGpsHeights(site, run, &job);
   return job;
 }
 

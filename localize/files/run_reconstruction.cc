@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -75,7 +76,9 @@ bool RequireConventions(const LocalizeInput& input, const ReconstructOptions& op
                         StageContext& context) {
   if (const auto unit = FindOtherUnit(*run)) throw RefusedInput(kRefusedOdometry, *unit);
   OdometryCheckOptions check;
-  check.noise_rad = RotationNoise(OdometryFactors(input, options, Vector6d::Ones()));
+  LocalizeInput exact = input;  // what limits odometry is no noise that adds up
+  exact.flat = false, exact.time_resolution_s = 0;
+  check.noise_rad = RotationNoise(OdometryFactors(exact, options, Vector6d::Ones()));
   const std::string file = (run->dir / "odometry.tum").string();
   const OdometryFinding found =
       CheckOdometry(input, run->odometry, file, check, context.threads, context.seed, context.progress, context.cancel);
@@ -112,6 +115,9 @@ void KeepRoots(const LocalizeInput& input, const std::vector<SelfCalibration>& f
 class HeldLog final : public ProgressSink {
  public:
   explicit HeldLog(ProgressSink& to) : to_(to) {}
+  ~HeldLog() override {
+    if (std::uncaught_exceptions() > exceptions_) Release();  // it failed: this is all that it said
+  }
   void Begin(std::string_view task, int64_t total) override { to_.Begin(task, total); }
   void Advance(int64_t steps) override { to_.Advance(steps); }
   void Log(LogLevel level, std::string_view text) override {
@@ -124,6 +130,7 @@ class HeldLog final : public ProgressSink {
 
  private:
   ProgressSink& to_;
+  const int exceptions_ = std::uncaught_exceptions();
   std::mutex mutex_;
   std::vector<std::pair<LogLevel, std::string>> lines_;
 };

@@ -1,9 +1,11 @@
 #include "localize/reconstruct/matching.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <opencv2/flann.hpp>
+#include <set>
 #include <utility>
 
 #include "calib/base/wide.h"
@@ -99,20 +101,31 @@ Matches MatchMutual(const DescriptorBlock& a, const DescriptorBlock& b, double r
 
 Matches WithoutCarrier(Matches matches, const std::vector<Eigen::Vector3d>& rays_a,
                        const std::vector<Eigen::Vector3d>& rays_b, double pixel_rad) {
-  constexpr double kStill_px = 1.5, kMoving_px = 6;
+  constexpr double kStill_px = 1.5, kMoving_px = 6, kPart_px = 64;
   constexpr size_t kLeastStill = 8, kLeastMoving = 20;
   constexpr double kMostBetween = 0.15;  // of those that stand still
-  const auto moved_px = [&](const std::pair<int, int>& m) {
-    return AngleBetween(rays_a[static_cast<size_t>(m.first)], rays_b[static_cast<size_t>(m.second)]) / pixel_rad;
+  const auto ray_a = [&](const std::pair<int, int>& m) -> const Eigen::Vector3d& {
+    return rays_a[static_cast<size_t>(m.first)];
   };
-  size_t still = 0, between = 0;
+  const auto moved_px = [&](const std::pair<int, int>& m) {
+    return AngleBetween(ray_a(m), rays_b[static_cast<size_t>(m.second)]) / pixel_rad;
+  };
+  using Parts = std::set<std::array<int, 3>>;  // of the picture
+  size_t still = 0, moving = 0;
+  Parts still_in, moving_in;
   for (const auto& m : matches) {
     const double px = moved_px(m);
-    still += px < kStill_px ? 1 : 0;
-    between += px >= kStill_px && px < kMoving_px ? 1 : 0;
+    const Eigen::Vector3d at = ray_a(m) / (pixel_rad * kPart_px);
+    const std::array<int, 3> part = {static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y())),
+                                     static_cast<int>(std::floor(at.z()))};
+    if (px < kStill_px) ++still, still_in.insert(part);
+    if (px >= kMoving_px) ++moving, moving_in.insert(part);
   }
+  const size_t between = matches.size() - still - moving;
   const bool apart = static_cast<double>(between) <= kMostBetween * static_cast<double>(still);
-  if (still < kLeastStill || matches.size() - still - between < kLeastMoving || !apart) return matches;
+  // Where the camera stands, nearly all of the picture stands still.
+  const bool in_a_part = still_in.size() <= 2 * moving_in.size();
+  if (still < kLeastStill || moving < kLeastMoving || !apart || !in_a_part) return matches;
   std::erase_if(matches, [&](const auto& m) { return moved_px(m) < kStill_px; });
   return matches;
 }

@@ -41,7 +41,8 @@ using Matches = std::vector<std::pair<int, int>>;
 Matches MatchMutual(const DescriptorBlock& a, const DescriptorBlock& b, double ratio, double max_distance);
 
 // Matches of two pictures of one camera without those of what is fixed to it (a bonnet, a mount, dust): these stand
-// still (to 1.5 px) while all others move, and hardly any lie in between. `rays_a`, `rays_b`: of all features.
+// still (to 1.5 px) while the others, in at least half as large a part of the picture, move, and hardly any lie in
+// between. `rays_a`, `rays_b`: of all features.
 Matches WithoutCarrier(Matches matches, const std::vector<Eigen::Vector3d>& rays_a,
                        const std::vector<Eigen::Vector3d>& rays_b, double pixel_rad);
 

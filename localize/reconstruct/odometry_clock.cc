@@ -184,7 +184,8 @@ std::optional<ClockStep> FindClockStep(const Trajectory& odometry, std::vector<M
     if (!before || !after || before->significant == after->significant) continue;
     const OdometryClock& off = before->significant ? *before : *after;
     const OdometryClock& right = before->significant ? *after : *before;
-    if (off.rate != 0 || !right.agrees) continue;
+    // A part in which the clock is hardly known agrees with any.
+    if (off.rate != 0 || !right.agrees || 3 * right.sigma_s > std::abs(off.offset_s)) continue;
     return ClockStep{(split->a_ns + split->b_ns) / 2, after->significant, off};
   }
   return std::nullopt;

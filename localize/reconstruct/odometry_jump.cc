@@ -284,7 +284,7 @@ std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input,
   constexpr double kOfBest = 0.5;
   const std::vector<size_t> steps = OdometrySteps(input, r.problem);
   const double most = InflationBy(kMostCorrelation);
-  if (!input.has_odometry || steps.size() < kLeastSteps || r.correlation_inflation < most) return {};
+  if (!input.has_odometry || steps.size() < kLeastSteps || r.correlation_inflation <= most) return {};
   BundleProblem p = r.problem;
   const double narrower = r.correlation_inflation / most;
   for (BearingObservation& o : p.observations) o.w *= static_cast<float>(narrower);

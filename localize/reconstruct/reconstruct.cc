@@ -374,11 +374,14 @@ double WidenByLongWave(const ReconstructOptions& options, const std::vector<int>
   return wider;
 }
 
-// The factor on odometry's noise that follows from the one its factors have.
-Vector6d NextNoiseFactor(const BundleProblem& p, const std::vector<int>& moments, const Vector6d& noise_factor,
-                         const Vector6d& most_noise, int threads, const CancelToken& cancel) {
+// The factor on odometry's noise that follows from the one its factors have. Where odometry is limited (LimitsOf), that
+// is most of the noise, and the stated part cannot be told from it: it stays above a twentieth.
+Vector6d NextNoiseFactor(const LocalizeInput& input, const BundleProblem& p, const std::vector<int>& moments,
+                         const Vector6d& noise_factor, const Vector6d& most_noise, int threads,
+                         const CancelToken& cancel) {
   const Vector6d factor = EstimateOdometryNoise(p, moments, threads, cancel);
-  return noise_factor.cwiseProduct(factor.cwiseMax(0.05)).cwiseMin(most_noise);
+  const double least = input.flat || input.time_resolution_s > 0 ? 0.05 : 0;
+  return noise_factor.cwiseProduct(factor.cwiseMax(0.05)).cwiseMin(most_noise).cwiseMax(least);
 }
 
 // The features' noise as their residuals show it. `long_wave`: factor on it because images contradict odometry.
@@ -432,7 +435,7 @@ Vector6d StepSigma(const Rigid3d& step, const ReconstructOptions& o) {
 }
 
 // 1 sigma of what odometry of two dimensions and times that are cut off leave open of a step.
-Vector6d LimitsOf(const LocalizeInput& input, const Rigid3d& step, double step_s) {
+Vector6d LimitsOf(const LocalizeInput& input, size_t pose, const Rigid3d& step) {
   // Ground slopes by 3 deg (1 sigma), over 10 m otherwise.
   constexpr double kSlope_rad = 3 * kDegToRad, kOtherwise_m = 10;
   const double length = step.translation.norm();
@@ -442,9 +445,12 @@ Vector6d LimitsOf(const LocalizeInput& input, const Rigid3d& step, double step_s
     sigma.head<2>().setConstant(turned);
     sigma(5) = kSlope_rad * length;
   }
-  if (input.time_resolution_s > 0 && step_s > 0) {
+  if (!(input.time_resolution_s > 0)) return sigma;
+  const double step_s = 1e-9 * static_cast<double>(input.pose_stamps[pose + 1] - input.pose_stamps[pose]);
+  if (step_s > 0) {
     // The difference of two times that are even within the resolution, as a share of the step.
     const double share = input.time_resolution_s / std::sqrt(6.0) / step_s;
+    // About and along all axes: in a curve the step's direction changes, too.
     sigma.head<3>().array() += share * Eigen::AngleAxisd(step.rotation).angle();
     sigma.tail<3>().array() += share * length;
   }
@@ -463,9 +469,8 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
     f.b = static_cast<int>(k + 1);
     f.scale = 0;
     f.measured = input.odom_from_body[k].Inverse() * input.odom_from_body[k + 1];
-    const double step_s = 1e-9 * static_cast<double>(input.pose_stamps[k + 1] - input.pose_stamps[k]);
     const Vector6d stated = StepSigma(f.measured, o).cwiseProduct(noise_factor);
-    const Vector6d sigma = (stated.array().square() + LimitsOf(input, f.measured, step_s).array().square()).sqrt();
+    const Vector6d sigma = (stated.array().square() + LimitsOf(input, k, f.measured).array().square()).sqrt();
     f.sqrt_info = Matrix6d(sigma.cwiseInverse().asDiagonal());
     f.loss = std::make_shared<HuberChi2Loss>(22.5);  // 0.1 % of chi-square with 6 dof: a wheel that slips
     factors.push_back(f);
@@ -504,7 +509,7 @@ void WidenUntilConsistent(const LocalizeInput& input, const ReconstructOptions& 
     r->summary = SolveBundle(p, bundle, progress, cancel);
     RetriangulateInvalid(4 * options.outlier_chi2, r, bundle.threads, cancel);
     Gate(options, options.outlier_chi2, r);
-    *noise_factor = NextNoiseFactor(p, moments, *noise_factor, most_noise, bundle.threads, cancel);
+    *noise_factor = NextNoiseFactor(input, p, moments, *noise_factor, most_noise, bundle.threads, cancel);
     p.factors = OdometryFactors(input, options, *noise_factor);
   }
 }
@@ -616,7 +621,7 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
       }
       if (options.estimate_odometry && StepsOf(p, moments).size() >= 8) {
         Gate(options, gate, &r);
-        noise_factor = NextNoiseFactor(p, moments, noise_factor, most_noise, threads, cancel);
+        noise_factor = NextNoiseFactor(input, p, moments, noise_factor, most_noise, threads, cancel);
         p.factors = OdometryFactors(input, options, noise_factor);
         if (options.estimate_sigma) long_wave *= WidenByLongWave(options, moments, &r);
       }

@@ -1,5 +1,6 @@
 #include "localize/reconstruct/self_calibration.h"
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -141,14 +142,26 @@ int PartOfPicture(const LocalizeInput& input, const BearingObservation& o) {
   return 9 * o.view + 3 * third(pixel.y(), camera.height()) + third(pixel.x(), camera.width());
 }
 
-// Of a lens's errors, LensParameters, by that of the lens itself.
-Eigen::Matrix<double, kLens, kLens> CovarianceOfErrors(const Camera& camera,
+// Of a lens's errors, LensParameters, by that of the lens itself: the errors that move pixels over the picture as each
+// of its parameters does, by least squares.
+Eigen::Matrix<double, kLens, kLens> CovarianceOfErrors(const Camera& camera, const FixedLens& fixed,
                                                        const Eigen::Matrix<double, kLens, kLens>& of_lens) {
-  const double f = camera.MeanFocal(), corner = HalfDiagonal(camera) / f;
-  Eigen::Matrix<double, kLens, kLens> by_lens = Eigen::Matrix<double, kLens, kLens>::Zero();
-  by_lens(0, 0) = 1 / f;
-  by_lens(1, 3) = by_lens(2, 4) = 1;
-  by_lens(3, 1) = std::pow(corner, 2), by_lens(4, 2) = std::pow(corner, 4);
+  constexpr int kGrid = 9;
+  constexpr Lens kSteps = {1e-3, 1e-6, 1e-6, 1e-3, 1e-3};  // px and distortion
+  Eigen::MatrixXd by_error(2 * kGrid * kGrid, kLens), by_parameter = Eigen::MatrixXd::Zero(2 * kGrid * kGrid, kLens);
+  for (int at = 0; at < kGrid * kGrid; ++at) {
+    const Eigen::Vector2d pixel((at % kGrid + 0.5) / kGrid * camera.width(),
+                                (at / kGrid + 0.5) / kGrid * camera.height());
+    by_error.middleRows<2>(2 * at) = ShiftOf(camera, pixel);
+    const auto ray = camera.Unproject(pixel);
+    for (size_t k = 0; k < kLens && ray; ++k) {
+      Lens moved = LensOf(camera);
+      moved[k] += kSteps[k];
+      const auto there = WithLens(camera, moved, fixed).Project(*ray), here = camera.Project(*ray);
+      if (there && here) by_parameter.block<2, 1>(2 * at, static_cast<Eigen::Index>(k)) = (*there - *here) / kSteps[k];
+    }
+  }
+  const Eigen::Matrix<double, kLens, kLens> by_lens = by_error.colPivHouseholderQr().solve(by_parameter);
   return by_lens * of_lens * by_lens.transpose();
 }
 
@@ -194,7 +207,7 @@ std::vector<SelfCalibration> Calibrate(const LocalizeInput& input, const Reconst
     SelfCalibration s;
     s.camera = static_cast<int>(c);
     s.found = WithLens(input.cameras[c].camera, bundle.lenses[c], priors[c]->fixed);
-    s.covariance = CovarianceOfErrors(s.found, covariance.block<kLens, kLens>(at, at));
+    s.covariance = CovarianceOfErrors(s.found, priors[c]->fixed, covariance.block<kLens, kLens>(at, at));
     at += kLens;
     s.sigma_focal_px = sigma(0), s.sigma_k1 = sigma(1), s.sigma_k2 = sigma(2);
     s.sigma_centre_px = sigma.tail<2>().maxCoeff();

@@ -218,7 +218,7 @@ TEST(RunMasks, AreCheckedBeforeTheyAreUsed) {
   }
   CheckMasks(run, 2, listener, CancelToken());
   ASSERT_EQ(listener.lines.size(), 1u);
-  EXPECT_THAT(listener.lines[0], HasSubstr("the masks ignore 79 % of a picture"));
+  EXPECT_THAT(listener.lines[0], HasSubstr("ignore 79 % of a picture"));
   mask("c.png", 10, 255);
   mask("d.png", 11, 255);
   EXPECT_THAT(MessageOf<InputError>([&] { CheckMasks(run, 2, listener, CancelToken()); }),

@@ -10,6 +10,7 @@
 
 #include "datasets/io/capture_date.h"
 #include "datasets/io/expired_panoramas.h"
+#include "datasets/io/gps.h"
 #include "datasets/io/image.h"
 #include "datasets/io/mask.h"
 #include "datasets/io/path_error.h"
@@ -1103,25 +1104,27 @@ TEST(CaptureDate, GapsAreExplained) {
   EXPECT_EQ(DateOfRun(run), "2026-05-12");
 }
 
-TEST_F(SiteTest, GpsHeightsThatTheOriginContradictAreHardlyKnown) {
+TEST_F(SiteTest, GpsHeightsThatCannotBeRight) {
   Write("origin.json", "{\"lat\": 48.0, \"lon\": 7.8, \"alt\": 240}");
-  const auto read = [&](const std::string& height) {
-    Write("runs/run1/gps.csv", "timestamp_s,latitude_deg,longitude_deg,height_m,sigma_v_m\n1,48.0001,7.8," + height +
-                                   ",2\n3,48.0001,7.8," + height + ",2\n");
-    return Read();
+  const auto with = [&](const std::string& height) {
+    const std::string column = height.empty() ? "" : ",height_m,sigma_v_m",
+                      row = height.empty() ? "" : "," + height + ",2";
+    Write("runs/run1/gps.csv",
+          "timestamp_s,latitude_deg,longitude_deg" + column + "\n1,48.0001,7.8" + row + "\n3,48.0002,7.8" + row + "\n");
+    const Site site = Read();
+    return GpsHeightContradiction(site, site.runs.at(0));
   };
-  const Site right = read("243");
-  EXPECT_EQ(right.runs.at(0).gps.at(0).sigma_sea_m, 0);
-  EXPECT_EQ(Joined(right.warnings), "");
-  const Site wrong = read("192");
-  EXPECT_EQ(wrong.runs.at(0).gps.at(0).sigma_sea_m, 50);
-  EXPECT_GT(wrong.runs.at(0).gps.at(0).sigma_v_m, 50);
-  EXPECT_THAT(Joined(wrong.warnings), HasSubstr("the heights of GPS fixes (median 192 m) differ from that of origin"));
-  EXPECT_THAT(Joined(wrong.warnings), HasSubstr("above the sea"));
+  EXPECT_EQ(with("243"), "");
+  EXPECT_EQ(with(""), "") << "no heights";
+  EXPECT_THAT(with("192"), HasSubstr("the heights of GPS fixes of run run1 (median 192 m) differ from that of origin"));
+  EXPECT_THAT(with("192"), HasSubstr("above the sea"));
   Write("control_points.csv", "tag_id,latitude_deg,longitude_deg,height_m\n1,48.0001,7.8,195\n");
-  EXPECT_EQ(Read().runs.at(0).gps.at(0).sigma_sea_m, 0) << "control is nearer than the origin";
+  EXPECT_EQ(with("192"), "") << "control is nearer than the origin";
   Write("control_points.csv", "tag_id,latitude_deg,longitude_deg,height_m\n1,48.0001,7.8,240\n");
-  EXPECT_THAT(Joined(Read().warnings), HasSubstr("differ from that of control points (240 m)"));
+  EXPECT_THAT(with("192"), HasSubstr("differ from that of control points (240 m)"));
+  Picture("a.png");
+  Write("panoramas.csv", "file,latitude_deg,longitude_deg,height_m\na.png,48.0001,7.8,240\n");
+  EXPECT_EQ(with("192"), "") << "localize compares geotags with GPS";
 }
 
 TEST_F(SiteTest, FixesThatAReceiverRepeatsAreLeftOut) {

@@ -42,7 +42,8 @@ Run RunWith(const std::vector<double>& times_s) {
 
 TEST(TimeResolution, OfTimesThatAreCutOff) {
   EXPECT_EQ(TimeResolution(RunWith({0, 1, 3, 4, 6, 7, 9})), 1) << "every 1.5 s";
-  EXPECT_EQ(TimeResolution(RunWith({0, 1, 1, 2, 3, 3, 4, 5})), 1) << "one time twice";
+  EXPECT_EQ(TimeResolution(RunWith({0, 2, 4, 6, 9, 11, 13, 15})), 0) << "every 2 s, with a break";
+  EXPECT_EQ(TimeResolution(RunWith({0, 2, 5, 7, 12, 14, 23})), 0) << "pictures that somebody chose";
   EXPECT_EQ(TimeResolution(RunWith({0, 1, 3, 4.5, 6, 7, 9})), 0);
   EXPECT_EQ(TimeResolution(RunWith({0, 2, 4, 6, 10, 12, 14})), 0) << "every 2 s, one is missing";
   EXPECT_EQ(TimeResolution(RunWith({0, 1, 2, 3, 4, 6, 7, 8, 9})), 0) << "every second, one is missing";

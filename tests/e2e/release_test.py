@@ -448,7 +448,7 @@ class Release(unittest.TestCase):
                 (lambda r: r["inputs"].update({"x": 5}), "expected sha256, bytes and copied"),
                 (lambda r: r["inputs"].update({"x.csv": r["inputs"]["tags.yaml"]}), "is not the input"),
                 (lambda r: r["order"].append("nothing"), "names no result"),
-                (lambda r: r["stages"]["survey"].update(name="@../../x"), "variant"),
+                (lambda r: r["stages"]["survey"].update(name="@../../x"), "folder's name"),
                 (lambda r: r["stages"]["survey"].update(options={"x": 1}), "'x'"),
                 (lambda r: r["stages"]["survey"].update(files=[]), "expected its files"),
                 (lambda r: r["stages"]["survey"].update(stage="delete"), "unknown stage 'delete'"),

@@ -106,11 +106,10 @@ def encoded(image, file):
     return out.getvalue()
 
 
-def repaint(p, change, which=lambda files: files):
+def repaint(p, change):
     """Changes pictures of the run by change(number in the run, PIL image)."""
     for k, file in enumerate(p.images()):
-        if file in which(p.images()):
-            p.write(file, encoded(change(k, opened(file)), file))
+        p.write(file, encoded(change(k, opened(file)), file))
 
 
 def resampled(image, u, v):
@@ -181,10 +180,10 @@ def zone_of(row):
 
 # --- odometry ----------------------------------------------------------------------------------------------------------
 
-CLOCK = r"clock|time_offset|timestamp|times\b|covers|contradicts the images"
+CLOCK = r"clock|time_offset|timestamp|whole seconds|covers|contradicts the images"
 
 
-@fault("clocks", "all in Unix time, odometry's times stored as float32", r"odometry|covers|timestamp|times\b", "float32 has steps of 128 s at 1.8e9: two poses with a time of their own are left, between which all images would be "
+@fault("clocks", "all in Unix time, odometry's times stored as float32", r"odometry|covers|timestamp", "float32 has steps of 128 s at 1.8e9: two poses with a time of their own are left, between which all images would be "
        "interpolated on a straight line")
 def float32_times(p):
     import yaml
@@ -635,7 +634,7 @@ def gps(name, cause, why, change):
 gps("GPS time, 18 s ahead of the images' UTC", r"GPS|gps|clock|time", "18 s are 18 m along an arc; the offset is searched to a fifth of the run (9 s), and the arc shows no time. The fixes' ends "
     "(18 s without) and gps_clock_doubt (20 s) are all that is left", each(
         lambda r: r.update(timestamp_s=f"{float(r['timestamp_s']) + 18:.3f}")))
-gps("GPS heights above the sea", r"height|geoid|sea", "48 m below the origin's height, which alone shows it", each(
+gps("GPS heights above the sea", r"height|geoid|sea", "48 m below the control points and the origin, which alone show it", each(
         lambda r: r.update(height_m=f"{float(r['height_m']) - 48:.3f}")))
 
 
@@ -670,7 +669,7 @@ def tag_size(p):
     return float(data["size_m"])
 
 
-@fault("tags", "mixed sizes: one tag stated half as large as it is", r"size|tag 57|\b57\b", "pictures see it at half the distance that parallax gives", SURVEY)
+@fault("tags", "mixed sizes: one tag stated half as large as it is", r"size", "pictures see it at half the distance that parallax gives", SURVEY)
 def one_size(p):
     size, tag = tag_size(p), p.table("control_points.csv")[0]["tag_id"]
     p.edit("tags.yaml", lambda text: f"{text.rstrip()}\nsizes_m: {{{tag}: {size / 2}}}\n")

@@ -351,7 +351,7 @@ class Runner:
             said = said.replace(str(folder), "")
             result.update(self.observe(folder, fault.commands, code, said, project.truth))
             result["verdict"] = verdict_of(result, fault.cause)
-        except NotApplicable as e:
+        except (NotApplicable, KeyError, ValueError, IndexError) as e:  # a table of another form cannot hold it
             result.update(verdict="not applicable", said=str(e))
         except subprocess.TimeoutExpired:
             result.update(verdict="crashed", said="no end")
@@ -499,6 +499,7 @@ def main():
     parser.add_argument("--combinations", type=int, default=0)
     parser.add_argument("--variations", type=int, default=0)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--expect", type=int, help="how many faults --only must name")
     parser.add_argument("files", nargs="+")
     options = parser.parse_args()
     if options.table:
@@ -507,7 +508,14 @@ def main():
     program, *sites = options.files
     if not sites or len(sites) > 1 and options.truth:
         parser.error("expected PROGRAM SITE[:RUN]..., and --truth for one site alone")
-    return max([judge_site(options, program, site, len(sites) > 1) for site in sites])
+    codes = []
+    for site in sites:
+        try:
+            codes.append(judge_site(options, program, site, len(sites) > 1))
+        except SystemExit as e:  # the others are still judged
+            print(e, file=sys.stderr)
+            codes.append(2)
+    return max(codes) if len(sites) == 1 else max([c for c in codes if c < 2], default=2)
 
 
 def judge_site(options, program, site, of_several):
@@ -517,7 +525,8 @@ def judge_site(options, program, site, of_several):
     options.site, _, run = site.partition(":")
     options.run = run or "run1"
     if options.json and of_several:
-        options.json = pathlib.Path(options.json) / (pathlib.Path(options.site).resolve().name + ".json")
+        name = pathlib.Path(options.site).resolve().name + (f"_{run}" if run else "")
+        options.json = pathlib.Path(options.json) / f"{name}.json"
         options.json.parent.mkdir(parents=True, exist_ok=True)
     runner = Runner(options)
     try:
@@ -531,6 +540,9 @@ def judge_site(options, program, site, of_several):
         flush=True)
     if options.variations:
         print(squares_text([r["mean_square"] for r in results if r.get("count")]))
+    if options.expect is not None and len(results) != options.expect:
+        print(f"expected {options.expect} faults, found {len(results)}: see --only", file=sys.stderr)
+        return 2
     if all(r["verdict"] == "not applicable" for r in results):
         print("expected faults to plant, found none: see --only", file=sys.stderr)
         return 2

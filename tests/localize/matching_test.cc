@@ -302,7 +302,12 @@ TEST(WithoutCarrier, LeavesOutWhatIsFixedToTheCamera) {
   // Straight ahead, what is far away hardly moves, and there is no gap: all of it is scene.
   for (int k = 0; k < 30; ++k) add(random.Uniform(1.5, 6));
   EXPECT_EQ(WithoutCarrier(matches, a, b, pixel_rad).size(), 130U);
-  // Nothing moves: the camera stands.
+  // The camera stands, and 25 wrong matches move.
+  a.clear(), b.clear(), matches.clear();
+  for (int k = 0; k < 400; ++k) add(0);
+  for (int k = 0; k < 25; ++k) add(random.Uniform(10, 60));
+  EXPECT_EQ(WithoutCarrier(matches, a, b, pixel_rad).size(), 425U);
+  // Nothing moves.
   EXPECT_EQ(WithoutCarrier({matches.begin(), matches.begin() + 60}, a, b, pixel_rad).size(), 60U);
 }
 
