@@ -11,7 +11,8 @@ namespace trigpoint {
 // Its name in a result's folder.
 constexpr const char* kSolutionFile = "solution.db";
 // The newest format: 2 holds what was measured in the world, too, 3 several runs and which cameras are views of a 360
-// camera, 4 an error that all observations share. The lowest that has room is written.
+// camera, 4 an error that all observations share, 5 what images leave open of a lens. The lowest that has room is
+// written.
 constexpr int kSolutionVersion = 5;
 
 // Replaces an existing file. Throws IoError.
