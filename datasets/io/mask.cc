@@ -235,14 +235,12 @@ void CheckMasks(const Run& run, int threads, ProgressSink& progress, const Cance
   const RunMasks masks(run);
   const size_t count = run.images.size();
   std::vector<std::string> problems(count);
-  std::vector<char> ignored(count, 0);
   std::vector<double> share(count, 1);  // of the picture, that takes part
   ParallelFor(static_cast<int64_t>(count), threads, cancel, [&](int64_t i) {
     const auto k = static_cast<size_t>(i);
     try {
       const cv::Mat mask = masks.Of(run.images[k]);
       if (!mask.empty()) share[k] = cv::countNonZero(mask) / static_cast<double>(mask.total());
-      ignored[k] = share[k] == 0;
     } catch (const InputError& e) {
       problems[k] = e.what();
     }
@@ -260,7 +258,7 @@ void CheckMasks(const Run& run, int threads, ProgressSink& progress, const Cance
   for (size_t k = 0; k < count; ++k) {
     const std::string picture = PictureOf(run, run.images[k]);
     pictures.insert(picture);
-    if (ignored[k] == 0) left.insert(picture);
+    if (share[k] > 0) left.insert(picture);
   }
   if (left.size() == pictures.size()) return WarnOfLargeMasks(run, share, progress);
   const auto first = std::find_if(run.images.begin(), run.images.end(),

@@ -211,9 +211,8 @@ std::string HeightContradiction(const std::string& whose, const std::vector<Geod
   const double allowed = kAllowed_m + kSlope * Median(distances);
   if (Median(off) <= allowed) return "";
   return fmt::format(
-      "the heights of {} (median {:.0f} m) differ from that of {} ({:.0f} m) by more than the ground does{}; one of "
-      "the "
-      "two is wrong",
+      "the heights of {} (median {:.0f} m) differ from that of {} ({:.0f} m) by more than the ground does{}; one "
+      "of the two is wrong",
       whose, Median(heights), level.name, level.place.height_m, HeightReading(heights, level.place.height_m, allowed));
 }
 

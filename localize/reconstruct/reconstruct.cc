@@ -436,7 +436,7 @@ Vector6d StepSigma(const Rigid3d& step, const ReconstructOptions& o) {
 
 // 1 sigma of what odometry of two dimensions and times that are cut off leave open of a step.
 Vector6d LimitsOf(const LocalizeInput& input, size_t pose, const Rigid3d& step) {
-  // Ground slopes by 3 deg (1 sigma), over 10 m otherwise.
+  // Ground slopes by 3 deg (1 sigma), and 10 m farther on independently of here.
   constexpr double kSlope_rad = 3 * kDegToRad, kOtherwise_m = 10;
   const double length = step.translation.norm();
   Vector6d sigma = Vector6d::Zero();
