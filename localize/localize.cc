@@ -8,13 +8,16 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <tuple>
 
+#include "calib/base/counted.h"
 #include "calib/base/median.h"
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
 #include "calib/geometry/similarity.h"
 #include "localize/georegistration/gps_check.h"
 #include "localize/reconstruct/lens_check.h"
+#include "localize/references/match_noise.h"
 #include "localize/references/mirrored.h"
 #include "localize/references/view_turns.h"
 
@@ -85,17 +88,20 @@ bool IsOf(const Reconstruction& r, size_t k, const std::vector<bool>& taken) {
   return r.image_of[k] < 0 && taken[static_cast<size_t>(-1 - r.image_of[k])];
 }
 
-// Noise of the observations of the references taken from their residuals (points carry their share): one factor for
-// all. `unknowns`: degrees of freedom that these have taken.
-double ReferenceNoiseFactor(const Reconstruction& r, const std::vector<bool>& taken, double unknowns) {
-  std::vector<double> errors;
-  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
-    if (IsOf(r, k, taken) && r.problem.observations[k].active)
-      errors.push_back(SquaredError(r.problem, r.problem.observations[k]));
+// The matches of the references taken, with the probability of each to be true.
+std::vector<WeighedMatch> MatchesOf(const std::vector<ReferenceAnswer>& answers, const std::vector<bool>& taken,
+                                    const Reconstruction& r) {
+  std::map<std::tuple<int, int, int>, double> weights;  // by reference, view and feature
+  for (size_t i = 0; i < answers.size(); ++i) {
+    for (const ViewObservation& v : answers[i].registration.inliers)
+      weights[{static_cast<int>(i), answers[i].views.first + v.view, v.feature}] = v.weight;
   }
-  if (errors.size() < 50) return 1;
-  const double values = 2 * static_cast<double>(errors.size());
-  return SigmaRatio(std::move(errors), 2) / std::sqrt(std::max(0.1, 1 - unknowns / values));
+  std::vector<WeighedMatch> matches;
+  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
+    if (IsOf(r, k, taken))
+      matches.push_back({k, weights.at({-1 - r.image_of[k], r.problem.observations[k].view, r.feature_of[k]})});
+  }
+  return matches;
 }
 
 // Of the solved problem, with what the lenses and the references' views leave open.
@@ -354,6 +360,41 @@ void TellMirrored(const Task& task, const Localization& result) {
   if (mirrored) task.progress.Log(LogLevel::kWarning, *mirrored);
 }
 
+// Rejects panoramas whose pictures are stretched, by their own matches or by those of all from the same source.
+void RejectStretched(const std::vector<ReferenceViews>& references, ProgressSink& progress,
+                     std::vector<ReferenceAnswer>* answers) {
+  std::map<std::string, StretchVotes> of_source;
+  for (size_t i = 0; i < references.size(); ++i) {
+    const StretchVotes& votes = (*answers)[i].registration.stretch;
+    if (votes.stretched.empty()) continue;
+    StretchVotes& sum = of_source[references[i].source];
+    sum.stretched.resize(votes.stretched.size());
+    for (size_t k = 0; k < votes.stretched.size(); ++k) sum.stretched[k] += votes.stretched[k];
+    sum.as_it_is += votes.as_it_is;
+  }
+  int rejected = 0;
+  std::string first;
+  for (size_t i = 0; i < references.size(); ++i) {
+    Registration& g = (*answers)[i].registration;
+    const StretchVotes& votes = g.stretch;
+    if (!IsLocalized((*answers)[i]) || votes.stretched.empty()) continue;
+    double factor = StretchShown(votes);
+    // With few matches far from the horizon it cannot show it, nor contradict the others.
+    const bool contradicts = *std::max_element(votes.stretched.begin(), votes.stretched.end()) < votes.as_it_is;
+    if (factor == 1 && !contradicts) factor = StretchShown(of_source[references[i].source]);
+    if (factor == 1) continue;
+    g.status = AnswerStatus::kRejected;
+    const std::string stretched = fmt::format("heights above the horizon are {:.2f} times too large", factor);
+    g.reason = "its picture seems to be stretched: " + stretched;
+    if (rejected++ == 0) first = references[i].name + ": " + stretched;
+  }
+  if (rejected == 0) return;
+  progress.Log(LogLevel::kWarning, Counted(rejected, "panorama is", "panoramas are") +
+                                       " not used, as pictures seem to be stretched (" + first +
+                                       "); expected 360 by 180 deg, 2:1: give the angles that they show (GPano), or "
+                                       "add the missing sky and ground");
+}
+
 // As published: the points stay as they are, the references' poses are appended for the global fit only.
 void HoldReferences(Localization* result) {
   BundleProblem& p = result->reconstruction.problem;
@@ -369,18 +410,33 @@ void HoldReferences(Localization* result) {
   }
 }
 
-// Solved again with the noise that the references taken show.
-void SolveWithNoise(const Task& task, const std::vector<bool>& taken, double unknowns, Reconstruction* r) {
+// What is known of the noise of the references that joined the solution together.
+struct ReferenceNoise {
+  std::vector<WeighedMatch> matches;
+  double unknowns;  // of their poses
+  double sigma_px;
+};
+
+// Solved again with the noise that the references show: not less than that of the images' features, which are found in
+// the same way. How far points follow the references depends on it: in turns. `unknowns`: others that they determine.
+void SolveWithNoise(const Task& task, double unknowns, ReferenceNoise* noise, Reconstruction* r) {
+  constexpr int kRounds = 3;
+  constexpr double kSettled = 0.1, kMostNoise = 10;
   BundleProblem& p = r->problem;
-  const double factor = std::clamp(ReferenceNoiseFactor(*r, taken, unknowns), 0.3, 10.0);
-  for (size_t k = 0; k < p.observations.size(); ++k) {
-    BearingObservation& o = p.observations[k];
-    if (!IsOf(*r, k, taken)) continue;
-    o.w /= static_cast<float>(factor);
-    o.active =
-        r->point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < task.options.registration.outlier_chi2;
+  for (int round = 0; round < kRounds; ++round) {
+    const double shown = noise->sigma_px * MatchNoise(p, noise->matches, noise->unknowns + unknowns);
+    const double most = kMostNoise * task.options.registration.sigma_px;
+    const double factor = std::max(r->sigma_px, std::min(shown, most)) / noise->sigma_px;
+    noise->sigma_px *= factor;
+    for (const WeighedMatch& match : noise->matches) {
+      BearingObservation& o = p.observations[match.observation];
+      o.w /= static_cast<float>(factor);
+      o.active =
+          r->point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < task.options.registration.outlier_chi2;
+    }
+    r->summary = SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
+    if (std::abs(std::log(factor)) < kSettled) break;
   }
-  r->summary = SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
 }
 
 // The panoramas taken by whom they are from: these are put together in the same way.
@@ -399,7 +455,7 @@ std::map<std::string, std::vector<RigViews>> PanoramasBySource(const std::vector
 
 // Panoramas whose views show themselves to be turned against each other.
 void TurnPanoramas(const Task& task, const std::vector<ReferenceViews>& references, const std::vector<bool>& taken,
-                   Localization* result) {
+                   ReferenceNoise* noise, Localization* result) {
   constexpr int kRounds = 4;
   constexpr double kSettled = 0.05;  // of the sigma
   Reconstruction& r = result->reconstruction;
@@ -414,7 +470,7 @@ void TurnPanoramas(const Task& task, const std::vector<ReferenceViews>& referenc
       SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
       const double before = turns.sigma_rad;
       turns = UpdateTurns(views, task.threads, task.cancel, &p);
-      SolveWithNoise(task, taken, turns.unknowns, &r);
+      SolveWithNoise(task, turns.unknowns, noise, &r);
       if (std::abs(turns.sigma_rad - before) < kSettled * before) break;
     }
     task.progress.Log(LogLevel::kInfo,
@@ -430,8 +486,10 @@ void SolveWith(const Task& task, const std::vector<ReferenceViews>& references, 
   Reconstruction& r = result->reconstruction;
   AddReferences(references, taken, task.options.registration.sigma_px, &result->references, &r);
   SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel);
-  SolveWithNoise(task, taken, 0, &r);
-  TurnPanoramas(task, references, taken, result);
+  ReferenceNoise noise{MatchesOf(result->references, taken, r), 0, task.options.registration.sigma_px};
+  for (size_t i = 0; i < taken.size(); ++i) noise.unknowns += taken[i] && result->references[i].pose >= 0 ? 6 : 0;
+  SolveWithNoise(task, 0, &noise, &r);
+  TurnPanoramas(task, references, taken, &noise, result);
 }
 
 // The stitched sets follow once `refine` has seen what the others say.
@@ -590,6 +648,7 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
                                             threads, seed, progress, cancel, &references, &registrations);
   }
   for (const Registration& g : registrations) result.references.emplace_back().registration = g;
+  RejectStretched(references, progress, &result.references);
   AgreeOnSets(input, options.registration.set_radius_m, &result.references);
   if (!paper) TellMirrored(task, result);
   steps.End("registration");

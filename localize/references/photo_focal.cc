@@ -11,6 +11,7 @@
 
 #include "calib/estimation/loss.h"
 #include "calib/geometry/rigid3.h"
+#include "localize/references/match_noise.h"
 
 namespace trigpoint {
 

@@ -21,6 +21,7 @@
 #include "localize/reconstruct/minimal_solvers.h"
 #include "localize/reconstruct/two_view.h"
 #include "localize/references/chance_match.h"
+#include "localize/references/match_noise.h"
 
 namespace trigpoint {
 namespace {
@@ -426,6 +427,8 @@ class Registrar {
       }
     }
     Decide(&out);
+    if (out.status == AnswerStatus::kLocalized && ref.kind == ReferenceKind::kPanorama && !ref.stitched)
+      out.stretch = StretchOf(ref, all, best.inliers, threshold, job.seed);
     AnswerViews(ref, view_from_rig, &out);
     return out;
   }
@@ -459,6 +462,20 @@ class Registrar {
       }
     }
     return all;
+  }
+
+  StretchVotes StretchOf(const ReferenceViews& ref, const std::vector<Correspondence>& all,
+                         const std::vector<int>& agreeing, double threshold, uint64_t seed) const {
+    constexpr size_t kMost = 300;  // matches: more show a stretch no better, but take time
+    const size_t step = all.size() / kMost + 1;
+    std::vector<Eigen::Vector3d> rays, points;
+    for (size_t i = 0; i < all.size(); i += step) {
+      rays.push_back(ref.rig.views[static_cast<size_t>(all[i].observation.view)].rig_from_view.rotation * all[i].ray);
+      points.push_back(r_.problem.points[static_cast<size_t>(all[i].observation.point)]);
+    }
+    StretchVotes votes{0, VoteForStretch(rays, points, threshold, seed)};
+    for (const int i : agreeing) votes.as_it_is += static_cast<size_t>(i) % step == 0 ? 1 : 0;
+    return votes;
   }
 
   RansacResult<Rigid3d> FindPose(const ReferenceViews& ref, const std::vector<Correspondence>& all,
@@ -1009,7 +1026,8 @@ class Registrar {
   const CancelToken& cancel_;
   bool sparse_;  // stops are so far apart that a traversal has fewer of them than candidates are asked for
   ImagePoints image_points_;
-  std::vector<Eigen::Matrix3d> point_covariances_;  // cameras held
+  // By the run's rays: a point far along them says little about a reference that sees it from the side.
+  std::vector<Eigen::Matrix3d> point_covariances_;
   std::vector<Rigid3d> cam_from_odom_;
   std::vector<Eigen::Vector3d> centres_;
   std::vector<double> travelled_;  // path length up to each image, m
@@ -1017,18 +1035,6 @@ class Registrar {
 };
 
 }  // namespace
-
-std::vector<Eigen::Matrix3d> PointCovariances(const BundleProblem& p) {
-  constexpr double kWeakest = 1e-6;  // information that every point has, 1/m^2
-  std::vector<Eigen::Matrix3d> information(p.points.size(), Eigen::Matrix3d::Identity() * kWeakest);
-  for (const BearingObservation& o : p.observations) {
-    ObservationTerms t;
-    if (!o.active || !Evaluate<true>(p, o, p.points[static_cast<size_t>(o.point)], &t)) continue;
-    information[static_cast<size_t>(o.point)] += t.jy.transpose() * t.jy;
-  }
-  for (Eigen::Matrix3d& m : information) m = m.inverse().eval();
-  return information;
-}
 
 std::string_view AnswerStatusName(AnswerStatus status) {
   switch (status) {

@@ -8,6 +8,7 @@
 #include "calib/base/progress.h"
 #include "localize/reconstruct/frames.h"
 #include "localize/reconstruct/reconstruct.h"
+#include "localize/references/stretched.h"
 #include "localize/references/view_retrieval.h"
 
 namespace trigpoint {
@@ -111,11 +112,8 @@ struct Registration {
   double support = 0;        // points found where the pose predicts them, beyond what chance would find
   double matched_share = 0;  // support as a share of the points that should be seen
   double distance_m = 0;     // to the nearest camera
+  StretchVotes stretch;      // by some of the matches, of localized panoramas
 };
-
-// Covariance of every point by the run's rays, cameras held: a point far along its rays says little about a reference
-// that sees it from the side.
-std::vector<Eigen::Matrix3d> PointCovariances(const BundleProblem& p);
 
 // References against the points: all, or `some`, indices into them; answers in their order. paper: views by homography,
 // G1 per view, G2 with connected views.

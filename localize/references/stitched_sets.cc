@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "calib/base/error.h"
+#include "localize/references/match_noise.h"
 
 namespace trigpoint {
 namespace {
