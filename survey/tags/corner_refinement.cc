@@ -21,10 +21,18 @@ constexpr int kGamma = kGeometry + 1;  // of the exponent of the tone curve
 constexpr int kLevel = kGeometry + 2;  // of the first level
 constexpr int kUnknowns = kLevel + kLevels;
 constexpr int kMaxIterations = 30;
-constexpr double kTolerancePx = 0.002;
-// The Gaussian's standard deviation is sqrt(kLeastBlur^2 + b^2), b unknown: below this it makes no visible difference
-// beside the pixel's square.
-constexpr double kLeastBlur = 0.2;
+constexpr double kKnee = 2.5;  // of the Huber loss, in robust sigmas
+// Pixels at edges, which tell where the corners are, differ more from the model than others: by the aliasing of a sharp
+// picture, the response of its pixels, compression. Each kind has a sigma of its own. An edge: the share of the
+// contrast by which the model changes within a pixel.
+constexpr double kEdge = 0.05;
+constexpr size_t kLeastOfKind = 50;  // fewer: the sigma of all
+constexpr double kTolerancePx = 0.002, kNearPx = 0.05;
+constexpr double kNoCost = 0.05;                 // chi-square
+constexpr size_t kMostStride = 8, kEnough = 20;  // of pixels left out at first; pixels for each unknown
+// Below this standard deviation the Gaussian makes no visible difference beside the pixel's square. The unknown is how
+// much its variance exceeds that.
+constexpr double kLeastBlur = 0.2, kMostBlur = 10;
 // The exponent's prior: between a linear picture (1) and a display's (2.2), wide enough for the picture to decide.
 constexpr double kGammaMean = 1.6, kGammaSigma = 1.0, kGammaMin = 0.7, kGammaMax = 3.5;
 // A picture's curve is steep at black but not vertical: the least share of white's light that black is taken to have.
@@ -214,6 +222,9 @@ struct Sample {
   Eigen::Vector2d plane;  // normalised: (plane - centre) / radius
   double grey;
   int x, y;
+  bool is_edge = false;
+  double residual = 0;      // grey values, of the last look at it
+  bool looks_edge = false;  // then
 };
 
 // The fit of one tag.
@@ -259,38 +270,46 @@ class Fit {
     if (!h) return "the corners are on a line";
     Unknowns x = Unknowns::Zero();
     for (int i = 0; i < kGeometry; ++i) x[i] = (*h)(i / 3, i % 3);
-    x[kBlur] = 0.6;
+    x[kBlur] = 0.36;
     x[kGamma] = kGammaMean;
     CollectSamples(x);
     if (samples_.size() < 3 * kUnknowns) return "too few pixels of the tag are in the picture";
     if (!SolveLevels(&x)) return "no contrast";
-    const std::string problem = Iterate(&x, &out->iterations);
+    // Most of the way a part of the pixels shows as well as all of them.
+    const size_t stride = std::min(kMostStride, samples_.size() / (kEnough * kUnknowns));
+    if (stride > 1) {
+      for (size_t i = 0; i < samples_.size(); i += stride) used_.push_back(samples_[i]);
+      Unknowns near = x;
+      if (Iterate(kNearPx, &near, &out->iterations).empty()) x = near;
+    }
+    used_ = std::move(samples_);
+    const std::string problem = Iterate(kTolerancePx, &x, &out->iterations);
     if (!problem.empty()) return problem;
     return Finish(x, out);
   }
 
-  // Levenberg-Marquardt until no corner moves by more than kTolerancePx.
-  std::string Iterate(Unknowns* x, int* iterations) {
+  // Levenberg-Marquardt until no corner moves by more than the tolerance.
+  std::string Iterate(double tolerance_px, Unknowns* x, int* iterations) {
     Normal a;
     Unknowns b;
-    sigma_ = 1e9;  // the first round only finds the scale of the robust loss
+    sigmas_ = {1e9, 1e9};  // the first round only finds the scale of the robust loss
     Accumulate(*x, &a, &b);
-    sigma_ = RobustSigma();
+    Sort();
+    sigmas_ = RobustSigmas();
     double cost = Accumulate(*x, &a, &b), lambda = 1e-3, motion = 1e9;
     for (int i = 0; i < kMaxIterations; ++i, ++*iterations) {
       Normal damped = a;
       damped.diagonal() *= 1 + lambda;
       damped.diagonal().array() += 1e-12;
-      const Unknowns step = damped.ldlt().solve(b);
-      if (!step.allFinite()) return "singular fit";
-      Unknowns next = *x - step;
-      next[kGamma] = std::clamp(next[kGamma], kGammaMin, kGammaMax);
+      const Unknowns next = Within(damped, b, *x);
+      if (!next.allFinite()) return "singular fit";
       Normal a_next;
       Unknowns b_next;
       const double cost_next = Accumulate(next, &a_next, &b_next);
       motion = CornerMotion(*x, next);
       if (cost_next >= cost) {
-        if (motion < 0.1 * kTolerancePx) return {};  // no descent left
+        // No descent left: what the step costs is far below the noise.
+        if (motion < 0.1 * tolerance_px || cost_next - cost < kNoCost * sigmas_[0] * sigmas_[0]) return {};
         lambda *= 5;
         continue;
       }
@@ -299,15 +318,44 @@ class Fit {
       b = b_next;
       cost = cost_next;
       lambda = std::max(lambda * 0.1, 1e-7);
-      const double sigma = RobustSigma();
-      if (i < 5 && std::abs(sigma - sigma_) > 0.1 * sigma_) {  // the scale follows the fit, at first
-        sigma_ = sigma;
+      const Eigen::Array2d sigmas = RobustSigmas();
+      if (i < 5 && ((sigmas - sigmas_).abs() > 0.1 * sigmas_).any()) {  // the scale follows the fit, at first
+        Sort();
+        sigmas_ = RobustSigmas();
         cost = Accumulate(*x, &a, &b);
-      } else if (motion < kTolerancePx) {
+      } else if (motion < tolerance_px) {
         return {};
       }
     }
     return motion < 0.02 ? "" : "no convergence";
+  }
+
+  // What solves a (x - next) = b within the bounds of blur and exponent: the other unknowns go with those at a bound.
+  static Unknowns Within(Normal a, Unknowns b, const Unknowns& x) {
+    struct Bound {
+      int unknown;
+      double least, most;
+      bool held = false;
+    };
+    std::array<Bound, 2> bounds{{{kBlur, 0, kMostBlur * kMostBlur}, {kGamma, kGammaMin, kGammaMax}}};
+    for (;;) {
+      Unknowns next = x - a.ldlt().solve(b);
+      bool within = true;
+      for (Bound& bound : bounds) {
+        const int k = bound.unknown;
+        const double at = std::clamp(next[k], bound.least, bound.most);
+        if (next[k] == at || bound.held) {
+          next[k] = at;
+          continue;
+        }
+        const double step = x[k] - at;
+        b -= step * a.col(k);
+        a.row(k).setZero(), a.col(k).setZero();
+        a(k, k) = 1, b[k] = step;
+        bound.held = true, within = false;
+      }
+      if (within) return next;
+    }
   }
 
   Eigen::Vector2d Normalised(const Eigen::Vector2d& p) const { return (p - centre_) / radius_; }
@@ -349,11 +397,12 @@ class Fit {
     double u, v, denominator;
     Eigen::Vector2d grad_u, grad_v;  // by normalised plane coordinates
     double white = 0, white_by_u = 0, white_by_v = 0, white_by_s = 0;
+    double slope = 0;  // of white, per pixel
     std::array<double, 4> beyond{};
     Tone tone{};
   };
 
-  static double BlurOf(const Unknowns& x) { return std::hypot(kLeastBlur, x[kBlur]); }
+  static double BlurOf(const Unknowns& x) { return std::sqrt(kLeastBlur * kLeastBlur + x[kBlur]); }
   static ToneCurve CurveOf(const Unknowns& x) { return {x[kGamma], x[kLevel], x[kLevel] + x[kLevel + 3]}; }
 
   Prediction Predict(const Unknowns& x, const ToneCurve& curve, const StepTable& steps,
@@ -399,6 +448,7 @@ class Fit {
       p.white_by_v += wv[i].by_d * white.value * px_per_v;
       p.white_by_s += wv[i].by_s * white.value + wv[i].value * white.by_s;
     }
+    p.slope = std::hypot(p.white_by_u / px_per_u, p.white_by_v / px_per_v);
     p.tone = curve.At(p.white);
     return p;
   }
@@ -450,12 +500,27 @@ class Fit {
     return x->allFinite() && (*x)[kLevel + 3] > 5;  // bright minus dark
   }
 
-  // Of the last Accumulate().
-  double RobustSigma() const {
-    std::vector<double> r;
-    r.reserve(residuals_.size());
-    for (size_t i = 0; i < residuals_.size(); ++i) r.push_back(std::abs(residuals_[i]));
-    return std::max(1.4826 * Median(std::move(r)), 0.5);  // not below what rounding to whole grey values leaves
+  // Of residuals; not below what rounding to whole grey values leaves.
+  static double RobustSigma(std::vector<double> residuals) {
+    for (double& r : residuals) r = std::abs(r);
+    return std::max(1.4826 * Median(std::move(residuals)), 0.5);
+  }
+  // Of pixels at edges, and of others.
+  Eigen::Array2d RobustSigmas() const {
+    std::array<std::vector<double>, 2> kinds;
+    for (const Sample& s : used_) kinds[s.is_edge ? 0 : 1].push_back(s.residual);
+    if (std::min(kinds[0].size(), kinds[1].size()) < kLeastOfKind) return Eigen::Array2d::Constant(AllSigma());
+    return {RobustSigma(std::move(kinds[0])), RobustSigma(std::move(kinds[1]))};
+  }
+  double AllSigma() const {
+    std::vector<double> all;
+    for (const Sample& s : used_) all.push_back(s.residual);
+    return RobustSigma(std::move(all));
+  }
+  double SigmaOf(const Sample& s) const { return sigmas_[s.is_edge ? 0 : 1]; }
+  // The kinds stay as they are from step to step: else the cost would jump.
+  void Sort() {
+    for (Sample& s : used_) s.is_edge = s.looks_edge;
   }
 
   // Huber cost and its Gauss-Newton system a * step = b at x; `scatter`: sum of the gradients' squares.
@@ -463,18 +528,16 @@ class Fit {
     NormalSum sum, squares;
     b->setZero();
     double cost = 0;
-    residuals_.resize(samples_.size());
-    const double knee = 2.5 * sigma_, w = 0.5 * pattern_.width;
+    const double w = 0.5 * pattern_.width;
     const ToneCurve curve = CurveOf(x);
     const double blur = BlurOf(x);
     const StepTable steps(blur);
-    for (size_t i = 0; i < samples_.size(); ++i) {
-      const Eigen::Vector2d& q = samples_[i].plane;
+    for (Sample& sample : used_) {
+      const Eigen::Vector2d& q = sample.plane;
       const Prediction p = Predict(x, curve, steps, q);
       const Eigen::Matrix<double, kLevels, 1> levels = Levels(p);
       const auto c = x.tail<kLevels>();
-      const double r = levels.dot(c) - samples_[i].grey;
-      residuals_[i] = r;
+      const double r = levels.dot(c) - sample.grey;
       const double contrast = c[3] + c[4] * levels[1] + c[5] * levels[2];
       const double by_white = contrast * p.tone.by_f;
       const double by_u = by_white * p.white_by_u + (c[1] + c[4] * p.tone.value) / w;
@@ -483,19 +546,21 @@ class Fit {
       const double d = 1 / p.denominator, k = -(by_u * p.u + by_v * p.v) * d;
       j.head<kGeometry>() << by_u * q.x() * d, by_u * q.y() * d, by_u * d, by_v * q.x() * d, by_v * q.y() * d, by_v * d,
           k * q.x(), k * q.y();
-      j[kBlur] = by_white * p.white_by_s * x[kBlur] / blur;
+      j[kBlur] = by_white * p.white_by_s / (2 * blur);
       j[kGamma] = contrast * p.tone.by_gamma;
       j.tail<kLevels>() = levels;
-      const double size = std::abs(r);
-      const double weight = size > knee ? knee / size : 1.0;
-      cost += size > knee ? 2 * knee * size - knee * knee : r * r;
+      sample.residual = r;
+      sample.looks_edge = p.slope * std::abs(by_white) > kEdge * std::abs(c[3]);
+      const double sigma = SigmaOf(sample), size = std::abs(r) / sigma;
+      const double weight = size > kKnee ? kKnee / size : 1.0;
+      cost += sigma * sigma * (size > kKnee ? 2 * kKnee * size - kKnee * kKnee : size * size);
       sum.Add(j, weight);
       *b += weight * r * j;
       if (scatter != nullptr) squares.Add(j, weight * weight * r * r);
     }
     *a = sum.Sum();
     if (scatter != nullptr) *scatter = squares.Sum();
-    const double prior = sigma_ / kGammaSigma, off = x[kGamma] - kGammaMean;
+    const double prior = sigmas_[0] / kGammaSigma, off = x[kGamma] - kGammaMean;
     (*a)(kGamma, kGamma) += prior * prior;
     (*b)[kGamma] += prior * prior * off;
     cost += prior * prior * off * off;
@@ -525,12 +590,12 @@ class Fit {
     double square = 0, along_x = 0, along_y = 0;
     int nx = 0, ny = 0;
     std::vector<std::pair<std::pair<int, int>, double>> by_place;
-    by_place.reserve(samples_.size());
-    const double limit = 4 * sigma_;
-    for (size_t i = 0; i < samples_.size(); ++i) {
-      const double r = std::clamp(residuals_[i], -limit, limit);
+    by_place.reserve(used_.size());
+    constexpr double kLimit = 4;
+    for (size_t i = 0; i < used_.size(); ++i) {
+      const double r = std::clamp(used_[i].residual / SigmaOf(used_[i]), -kLimit, kLimit);
       square += r * r;
-      by_place.push_back({{samples_[i].y, samples_[i].x}, r});
+      by_place.push_back({{used_[i].y, used_[i].x}, r});
     }
     for (size_t i = 0; i < by_place.size(); ++i) {  // samples are in row order
       const auto [place, r] = by_place[i];
@@ -562,10 +627,10 @@ class Fit {
     Normal a, scatter;
     Unknowns unused;
     Accumulate(x, &a, &unused, &scatter);
-    out->residual = RobustSigma();
+    out->residual = AllSigma();
     double square = 0;
-    for (double r : residuals_) square += std::min(r * r, 25 * sigma_ * sigma_);
-    const double variance = square / (residuals_.size() - kUnknowns);
+    for (const Sample& s : used_) square += std::pow(std::min(std::abs(s.residual), 5 * SigmaOf(s)), 2);
+    const double variance = square / (used_.size() - kUnknowns);
     if (std::sqrt(variance) > 0.25 * out->contrast) return "the picture does not look like the tag";
     // The first guess may be half a cell or a pixel off; more than that is another edge.
     const auto corners = PlaneCorners(x);
@@ -576,7 +641,7 @@ class Fit {
       out->corners[k] = *pixel;
     }
     const Normal inverse = a.ldlt().solve(Normal::Identity());
-    const double freedom = static_cast<double>(samples_.size()) / static_cast<double>(samples_.size() - kUnknowns);
+    const double freedom = static_cast<double>(used_.size()) / static_cast<double>(used_.size() - kUnknowns);
     const Normal covariance = inverse * scatter * inverse * (freedom * PixelsPerObservation());
     Eigen::Matrix<double, 8, kGeometry> jacobian;
     for (int i = 0; i < kGeometry; ++i) {
@@ -603,9 +668,10 @@ class Fit {
   LocalPlane plane_;
   std::array<Eigen::Vector2d, 4> tag_corners_;
   std::array<Eigen::Vector2d, 4> start_;
-  double cell_px_ = 0, radius_ = 1, sigma_ = 1;
-  std::vector<Sample> samples_;
-  std::vector<double> residuals_;
+  double cell_px_ = 0, radius_ = 1;
+  Eigen::Array2d sigmas_ = {1, 1};  // see RobustSigmas
+  std::vector<Sample> samples_;     // all pixels
+  std::vector<Sample> used_;        // those of the present fit
 };
 
 }  // namespace

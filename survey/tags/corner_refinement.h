@@ -3,7 +3,9 @@
 // The whole printed pattern is known once a tag is decoded. Its picture is predicted as the pattern seen through a
 // homography, blurred by a Gaussian of unknown width and by the pixel's own square, encoded by a tone curve of unknown
 // exponent, between a dark and a bright level that may each slope across the tag. All of it is fitted to the pixels by
-// robust least squares (Gauss-Newton with analytic derivatives).
+// robust least squares (Gauss-Newton with analytic derivatives), at first to a part of them. Pixels at edges differ
+// more from the model than others, so that each of the two kinds has a threshold of its own beyond which it counts
+// less.
 //
 // Where the shift comes from: lens and pixel mix light, the picture holds its 1 / gamma-th power. A pixel that is half
 // white is then nearly as bright as a white one, so that the middle of an edge's grey values lies up to 0.2 px on its
