@@ -152,6 +152,16 @@ void RequireNoContradictedStep(const Run& run, const LocalizeInput& input, const
   const auto seconds = [&](int pose) {
     return 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(pose)]);
   };
+  if (step->of_images) {
+    throw RefusedInput(
+        kRefusedOdometry,
+        fmt::format("{}: between {:.3f} and {:.3f} s the images move on by about {:.2f} m more than odometry, which "
+                    "they agree with in all other steps (chi-square falls by {:.0f} without this one): pictures seem "
+                    "to be missing there, so that later ones have the times of earlier ones; expected each picture "
+                    "with its own time. Option check_conventions=false skips this check",
+                    (run.dir / "images.txt").string(), seconds(step->before), seconds(step->after),
+                    step->shift_m.norm(), step->gain));
+  }
   const std::string text = fmt::format(
       "{}: jumps by about {:.2f} m between {:.3f} and {:.3f} s: the images contradict this step and agree with all "
       "others (chi-square falls by {:.0f} without it); expected a continuous motion without corrections by GPS or "

@@ -689,15 +689,28 @@ struct Enlargement {
   int round = 0;
 };
 
-// The next one where most positions are farther off than their sigmas allow. The first is too large, so that none is
-// taken for an outlier; the median of what is left makes it smaller. Nothing: it is right.
+// Whether the median of squared ratios is larger than chance explains in one of a thousand cases. The fit, which takes
+// up a part of the errors, makes it smaller.
+bool IsTooLarge(double median, size_t count) {
+  constexpr double kChance = 3.09;
+  constexpr double kSpread = 1.443;  // of the median of many, of two dimensions; three have a smaller one
+  return median > 1 + kChance * kSpread / std::sqrt(static_cast<double>(count));
+}
+
+// The next one where positions are farther off than their sigmas allow: the median shows it, or most are outliers.
+// Then the first is too large, so that none is taken for one. The median of what is left makes it smaller. Nothing: it
+// is right.
 std::optional<Enlargement> Next(const Enlargement& now, const EarthSolution& best, double outlier_chi2) {
   constexpr int kRounds = 8;
   constexpr double kSame = 0.05;
   std::vector<double> ratios = SquaredRatios(best);
   if (now.round == 0) {
-    if (!MostAreOutliers(best, outlier_chi2)) return std::nullopt;
-    return Enlargement{std::sqrt(*std::max_element(ratios.begin(), ratios.end())), 1};
+    if (MostAreOutliers(best, outlier_chi2))
+      return Enlargement{std::sqrt(*std::max_element(ratios.begin(), ratios.end())), 1};
+    const size_t count = ratios.size();
+    const double median = count > 0 ? Median(std::move(ratios)) : 0;
+    if (!IsTooLarge(median, count)) return std::nullopt;
+    return Enlargement{std::sqrt(median), 1};
   }
   const double change = std::sqrt(Median(std::move(ratios)));
   if (std::abs(change - 1) < kSame || now.round == kRounds) return std::nullopt;

@@ -65,6 +65,15 @@ struct MatchedPair {
   double motion_rad = 0;
 };
 
+// How far the features of two images that match move in the median, what stands still included, rad.
+std::optional<double> MotionOfAll(const View& a, const View& b, const OdometryCheckOptions& options) {
+  std::vector<double> motions;
+  for (const auto& [i, j] : MatchMutual(a.descriptors, b.descriptors, options.ratio, 0.75))
+    motions.push_back(AngleBetween(a.rays[static_cast<size_t>(i)], b.rays[static_cast<size_t>(j)]));
+  if (static_cast<int>(motions.size()) < options.least_matches) return std::nullopt;
+  return Median(std::move(motions));
+}
+
 // Nothing where too few features match.
 std::optional<MatchedPair> Match(const View& a, const View& b, const OdometryCheckOptions& options) {
   const Matches matches =
@@ -423,11 +432,44 @@ std::optional<std::string> FindStandstill(const LocalizeInput& input, const std:
       odometry, moved, compared);
 }
 
+bool IsSamePose(const Rigid3d& a, const Rigid3d& b) {
+  constexpr double kSame = 1e-6;
+  return (a.translation - b.translation).norm() < kSame && AngleBetween(a.rotation, b.rotation) < kSame;
+}
+
+// Odometry whose poses are held until the next one comes: it stands, number for number, in many steps in which the
+// pictures move. At a red light most of a picture stays where it is.
+std::optional<std::string> FindHeld(const LocalizeInput& input, const std::string& odometry,
+                                    const OdometryCheckOptions& options) {
+  constexpr double kMoves_rad = 0.3 * kDegToRad;
+  constexpr int kLooks = 8, kLeast = 3;
+  const std::vector<int> next = NextOfCamera(input);
+  std::vector<int> held;
+  for (size_t i = 0; i < input.images.size(); ++i) {
+    const auto pose = [&](size_t image) { return input.odom_from_body[static_cast<size_t>(input.images[image].pose)]; };
+    if (next[i] >= 0 && IsSamePose(pose(i), pose(static_cast<size_t>(next[i])))) held.push_back(static_cast<int>(i));
+  }
+  if (static_cast<int>(held.size()) < kLeast) return std::nullopt;
+  int compared = 0, moving = 0;
+  for (const int k : Spread(static_cast<int>(held.size()), kLooks, false)) {
+    const int image = held[static_cast<size_t>(k)];
+    const auto motion = MotionOfAll(ReadView(input, image), ReadView(input, next[static_cast<size_t>(image)]), options);
+    compared += motion ? 1 : 0;
+    moving += motion && *motion > kMoves_rad ? 1 : 0;
+  }
+  if (moving < kLeast || 3 * moving < 2 * compared) return std::nullopt;
+  return fmt::format(
+      "{}: stands still, with the same pose at both ends, in {} of {} steps from image to image; of {} of these that "
+      "were looked at, the pictures move in {}: its poses seem to be held until the next one comes; expected each pose "
+      "at its own time only, or one that is interpolated. Option check_conventions=false skips this check",
+      odometry, held.size(), input.images.size() - input.cameras.size(), compared, moving);
+}
+
 // Odometry that has one pose twice, number for number, and then catches up, while the images turn in between. Things
 // that pass before a body at rest look like a motion, but not like a turn.
 std::optional<std::string> FindFrozen(const LocalizeInput& input, const std::string& odometry,
                                       const OdometryCheckOptions& options, uint64_t seed, const CancelToken& cancel) {
-  constexpr double kSame = 1e-6, kTurned_rad = 3 * kDegToRad, kSigmas = 5;
+  constexpr double kTurned_rad = 3 * kDegToRad, kSigmas = 5;
   const std::vector<int> next = NextOfCamera(input);
   const auto turn = [&](int from, int to) {
     const auto rotation = [&](int image) {
@@ -444,9 +486,8 @@ std::optional<std::string> FindFrozen(const LocalizeInput& input, const std::str
     return std::abs(turned - expected) > std::max(kTurned_rad, kSigmas * m.sigma_rotation_rad);
   };
   for (const OddStep& step : FindOddSteps(input, static_cast<size_t>(options.pairs))) {
-    const Rigid3d moved =
-        input.odom_from_body[static_cast<size_t>(step.a)].Inverse() * input.odom_from_body[static_cast<size_t>(step.b)];
-    if (moved.translation.norm() > kSame || AngleBetween(moved.rotation, Eigen::Quaterniond::Identity()) > kSame) {
+    if (!IsSamePose(input.odom_from_body[static_cast<size_t>(step.a)],
+                    input.odom_from_body[static_cast<size_t>(step.b)])) {
       continue;
     }
     for (int i = 0; i < static_cast<int>(input.images.size()); ++i) {
@@ -699,6 +740,7 @@ OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whol
   const int images = static_cast<int>(input.images.size());
   progress.Begin("odometry against images", 0);
   if (auto still = FindStandstill(input, odometry, options)) return {still, {}};
+  if (auto held = FindHeld(input, odometry, options)) return {held, {}};
   const std::vector<MeasuredMotion> motions = images <= options.pairs
                                                   ? MeasureNeighbours(input, options, threads, seed, cancel)
                                                   : MeasureSample(input, options, threads, seed, cancel);

@@ -185,6 +185,16 @@ bool IsOfOdometry(const Path& path, int step, const Eigen::Vector3d& shift) {
          (moved + shift - *expected).norm() < kMoreEven * (moved - *expected).norm();
 }
 
+// Odometry goes on evenly, and the images of what follows are from farther on: pictures are missing.
+bool IsOfImages(const Path& path, int step, const Eigen::Vector3d& shift) {
+  constexpr double kLeastPart = 0.3, kAlong = 0.8, kEven = 0.3;
+  const Eigen::Vector3d moved = path.Step(step);
+  const auto expected = path.Expected(step);
+  return expected && shift.norm() > kLeastPart * moved.norm() &&
+         shift.dot(moved) > kAlong * shift.norm() * moved.norm() &&
+         (moved - *expected).norm() < kEven * expected->norm();
+}
+
 }  // namespace
 
 std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const Reconstruction& r, uint64_t seed) {
@@ -285,8 +295,8 @@ std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input,
   const std::vector<size_t> steps = OdometrySteps(input, r.problem);
   const double most = InflationBy(kMostCorrelation);
   if (!input.has_odometry || steps.size() < kLeastSteps || r.correlation_inflation <= most) return {};
-  BundleProblem p = r.problem;
   const double narrower = r.correlation_inflation / most;
+  BundleProblem p = r.problem;
   for (BearingObservation& o : p.observations) o.w *= static_cast<float>(narrower);
   p.loss = LossTimes(p.loss, narrower * narrower);
   BundleOptions bundle;
@@ -295,22 +305,29 @@ std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input,
   const double cost = SolveBundle(p, bundle, silent, cancel).final_cost;
   ContradictedStep found;
   Eigen::Vector3d by_images = Eigen::Vector3d::Zero();
-  double second = 0, rest = 0;
+  double rest = 0;
+  std::vector<std::pair<size_t, double>> gains;
   for (const size_t k : WorstSteps(p, steps)) {
     BundleProblem q = p;
-    const double gain = 2 * (cost - SolveWithout(k, bundle, cancel, &q));
-    second = std::max(second, std::min(gain, found.gain));
-    if (gain <= found.gain) continue;
+    gains.emplace_back(k, 2 * (cost - SolveWithout(k, bundle, cancel, &q)));
+    if (gains.back().second <= found.gain) continue;
     const PoseFactor& f = q.factors[k];
     by_images = StepBetween(q, f.a, f.b);
-    found = {f.a, f.b, by_images - OdometryStep(input, f.a, f.b), gain};
+    found = {f.a, f.b, by_images - OdometryStep(input, f.a, f.b), gains.back().second};
     rest = MeanSquaredResidual(q, steps, k);
+  }
+  double second = 0;  // the steps beside it explain a part of what it does
+  for (const auto& [k, gain] : gains) {
+    const PoseFactor& f = p.factors[k];
+    if (f.a != found.before && f.b != found.before && f.a != found.after) second = std::max(second, gain);
   }
   const double limit = 1 + 2 / std::sqrt(3.0 * static_cast<double>(steps.size() - 1));
   if (found.gain < kLeastGain || second > kOfBest * found.gain || rest > limit) return {};
   const int moment = MomentsOfPoses(input)[static_cast<size_t>(found.before)];
   const Path path(input, r);
-  if (!IsOfOdometry(path, moment, by_images - path.Step(moment))) return {};
+  const Eigen::Vector3d shift = by_images - path.Step(moment);
+  found.of_images = IsOfImages(path, moment, shift);
+  if (!found.of_images && !IsOfOdometry(path, moment, shift)) return {};
   return found;
 }
 

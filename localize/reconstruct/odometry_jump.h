@@ -28,12 +28,13 @@ struct ContradictedStep {
   int before = 0, after = 0;                          // body poses
   Eigen::Vector3d shift_m = Eigen::Vector3d::Zero();  // of what follows, by the images, odometry's axes
   double gain = 0;                                    // in chi-square if the step is not believed
+  bool of_images = false;  // the images' step stands out, as where pictures are missing, not odometry's
 };
 
 // Looks at runs whose features' noise was widened, as odometry contradicts the images, beyond what correlation along
 // tracks explains: each step, or of many those that fit worst, is left out by itself. Nothing unless one of them alone
-// explains the contradiction, and the images' step makes the run's speed more even (as FindJumpByPoints). Throws
-// NumericError if the data do not determine the poses.
+// explains the contradiction, and the images' step makes the run's speed more even (as FindJumpByPoints), or odometry's
+// is even as it is and the images' is longer. Throws NumericError if the data do not determine the poses.
 std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input, const Reconstruction& reconstruction,
                                                      int threads, const CancelToken& cancel);
 

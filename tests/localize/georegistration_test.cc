@@ -389,6 +389,29 @@ TEST(GeoRegistration, SigmasThatAreTooSmallAreSaidAndMadeLarger) {
   ExpectWithin(3, geo, site);
 }
 
+// Variances in place of sigmas: 0.09 m for 0.3 m. Few of the positions are outliers by themselves.
+TEST(GeoRegistration, SigmasThatAreAThirdAreMadeLargerByTheMedian) {
+  constexpr int kDraws = 100;
+  int enlarged_wrongly = 0, enlarged = 0, outside = 0;
+  for (uint64_t seed = 1; seed <= kDraws; ++seed) {
+    Site site = MakeSite(seed, 0);
+    const auto fit = [&] { return RegisterToEarth(site.observations, site.odom_covariance, kScale, 0.001, false, {}); };
+    const auto is_enlarged = [](const GeoRegistration& geo) {
+      return geo.reason.find("sigmas are multiplied by") != std::string::npos;
+    };
+    enlarged_wrongly += is_enlarged(fit()) ? 1 : 0;
+    for (GeoObservation& o : site.observations) o.sigma_h_m = 0.09, o.sigma_v_m = 0.25;
+    const GeoRegistration geo = fit();
+    enlarged += !geo.solved || is_enlarged(geo) ? 1 : 0;
+    if (!geo.solved) continue;
+    const Eigen::Vector3d error = ErrorOf(geo, site.world_from_odom).segment<3>(3);
+    for (int k = 0; k < 3; ++k) outside += std::abs(error(k)) > 3 * std::sqrt(geo.covariance(3 + k, 3 + k)) ? 1 : 0;
+  }
+  EXPECT_LE(enlarged_wrongly, 1);
+  EXPECT_GT(enlarged, kDraws / 2);
+  EXPECT_LE(outside, 10);  // of 300
+}
+
 // Places of a path of which each is that of the next: the errors follow each other.
 TEST(GeoRegistration, ErrorsThatFollowEachOtherAreNoNoise) {
   Few path;

@@ -162,6 +162,21 @@ TEST(OdometryCheck, DoesNotBlameOnePlaceForTurnsThatAreOffEverywhere) {
   }
 }
 
+// Poses that are held until the next one comes; at a red light the pictures stand, too.
+TEST(OdometryCheck, NamesPosesThatAreHeld) {
+  for (const bool images_stand : {false, true}) {
+    Drive drive = MakeDrive(0.3, 3, 0.5);
+    const std::vector<Rigid3d> poses = drive.input.odom_from_body;
+    const auto seen = drive.seen;
+    for (size_t k = 0; k < poses.size(); ++k) {
+      drive.input.odom_from_body[k] = poses[k - k % 4];
+      if (images_stand) drive.seen[k] = seen[k - k % 4];
+    }
+    const std::string found = ContradictionOf(drive);
+    EXPECT_EQ(found.find("seem to be held") != std::string::npos, !images_stand) << found;
+  }
+}
+
 // Stops some metres apart, as street-level imagery has them: odometry is a few degrees and a few per cent off
 // everywhere.
 TEST(OdometryCheck, TakesWhatIsOffEverywhereForNoise) {
@@ -333,8 +348,33 @@ TEST(OdometryJump, OfHalfAStepIsTheOneThatImagesContradict) {
     if (!jumps) continue;
     EXPECT_EQ(step->before, static_cast<int>(middle) - 1);
     EXPECT_EQ(step->after, static_cast<int>(middle));
+    EXPECT_FALSE(step->of_images);
     EXPECT_NEAR(step->shift_m.norm(), kJump_m, 0.3 * kJump_m);
   }
+}
+
+// A picture is lost, and each later one has the time of the one before: the images move on by two steps at once. In so
+// short a run only some draws show it, but none shows another place, or takes it for a jump of odometry.
+TEST(OdometryJump, WhereAPictureIsMissingTheImagesStandOut) {
+  ReconstructRunOptions options;
+  options.reconstruct.odometry_translation_m = 0.01;  // as the drive has it
+  options.reconstruct.odometry_translation_part = 0;
+  int found = 0;
+  for (uint64_t seed = 3; seed <= 8; ++seed) {
+    Drive drive = MakeDrive(0.1, seed, 0.9, 40);
+    const size_t middle = drive.seen.size() / 2;
+    drive.seen.erase(drive.seen.begin() + static_cast<std::ptrdiff_t>(middle));
+    drive.input.images.pop_back();
+    drive.input.image_features = [&drive](int i) { return drive.seen[static_cast<size_t>(i)].features; };
+    ProgressSink progress;
+    const RunReconstruction run = ReconstructRun(drive.input, options, false, 2, 1, progress, {});
+    const auto step = FindContradictedStep(drive.input, run.reconstruction, 2, {});
+    if (!step) continue;
+    ++found;
+    EXPECT_TRUE(step->of_images) << seed;
+    EXPECT_EQ(step->before, static_cast<int>(middle) - 1) << seed;
+  }
+  EXPECT_GE(found, 1);
 }
 
 TEST(OdometryCheck, NamesACameraThatIsTurned) {

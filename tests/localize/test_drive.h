@@ -18,11 +18,10 @@ struct Drive {
 };
 
 // One lap and a bit in the middle of a yard whose walls are full of spots. Odometry: white noise, a heading that
-// drifts, a scale of 1. `laps` < 1: it does not come back. `step`: between images, m.
-inline Drive MakeDrive(double laps, uint64_t seed, double step = 0.5) {
+// drifts, a scale of 1. `laps` < 1: it does not come back. `step`: between images, m. `radius`: of the path, m.
+inline Drive MakeDrive(double laps, uint64_t seed, double step = 0.5, double radius = 8) {
   Drive drive;
   Random random(seed);
-  const double radius = 8;
   const Camera camera = Camera::FromFieldOfView(960, 600, 1.7);
   BodyCamera body_camera;
   body_camera.name = "cam0";
@@ -37,8 +36,9 @@ inline Drive MakeDrive(double laps, uint64_t seed, double step = 0.5) {
   drive.input.cameras = {body_camera};
   std::vector<Eigen::Vector3d> points;
   std::vector<uint64_t> spots;
-  for (uint64_t j = 0; j < 2500; ++j) {
-    const double a = random.Uniform(0, 2 * EIGEN_PI), r = random.Uniform(13, 16);
+  const auto count = static_cast<uint64_t>(2500 * radius / 8);
+  for (uint64_t j = 0; j < count; ++j) {
+    const double a = random.Uniform(0, 2 * EIGEN_PI), r = random.Uniform(radius + 5, radius + 8);
     points.emplace_back(r * std::cos(a), r * std::sin(a), random.Uniform(-2, 5));
     spots.push_back(j);
   }
