@@ -378,13 +378,13 @@ void RejectStretched(const std::vector<ReferenceViews>& references, ProgressSink
     Registration& g = (*answers)[i].registration;
     const StretchVotes& votes = g.stretch;
     if (!IsLocalized((*answers)[i]) || votes.stretched.empty()) continue;
-    double factor = StretchShown(votes);
-    // With few matches far from the horizon it cannot show it, nor contradict the others.
-    const bool contradicts = *std::max_element(votes.stretched.begin(), votes.stretched.end()) < votes.as_it_is;
-    if (factor == 1 && !contradicts) factor = StretchShown(of_source[references[i].source]);
-    if (factor == 1) continue;
+    std::optional<int> factor = StretchShown(votes);
+    // With few matches far from the horizon it cannot show it alone, but its matches have to say the same.
+    if (!factor) factor = StretchShown(of_source[references[i].source]);
+    if (!factor || votes.stretched[static_cast<size_t>(*factor)] <= votes.as_it_is) continue;
     g.status = AnswerStatus::kRejected;
-    const std::string stretched = fmt::format("heights above the horizon are {:.2f} times too large", factor);
+    const std::string stretched =
+        fmt::format("heights above the horizon are {:.2f} times too large", StretchFactor(*factor));
     g.reason = "its picture seems to be stretched: " + stretched;
     if (rejected++ == 0) first = references[i].name + ": " + stretched;
   }

@@ -9,6 +9,7 @@
 #include "datasets/io/exif.h"
 #include "datasets/io/lines.h"
 #include "datasets/io/mask.h"
+#include "datasets/io/midnight.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/tables.h"
@@ -336,6 +337,9 @@ void ReadImageList(const std::filesystem::path& site_dir, Run* run) {
   const auto earlier = [&](const ImageEntry& a, const ImageEntry& b) { return key(a) < key(b); };
   auto& images = run->images;
   if (!std::is_sorted(images.begin(), images.end(), earlier)) {
+    std::vector<int64_t> stamps;
+    for (const ImageEntry& image : images) stamps.push_back(image.stamp_ns);
+    RequireNoMidnight(std::filesystem::exists(list) ? list : run->dir, stamps);
     const auto later = [](const ImageEntry& a, const ImageEntry& b) { return a.stamp_ns < b.stamp_ns; };
     if (std::filesystem::exists(list) && !std::is_sorted(images.begin(), images.end(), later)) {
       run->warnings.push_back(list.string() + ": timestamps are out of order; the images were sorted by time");

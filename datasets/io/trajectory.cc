@@ -7,6 +7,7 @@
 #include "calib/base/counted.h"
 #include "calib/base/error.h"
 #include "datasets/io/lines.h"
+#include "datasets/io/midnight.h"
 #include "datasets/io/pose_rows.h"
 #include "datasets/io/readable.h"
 #include "datasets/io/text.h"
@@ -37,6 +38,9 @@ void PutInOrder(const std::filesystem::path& file, Trajectory* trajectory) {
   const auto earlier = [](const TimedPose& a, const TimedPose& b) { return a.stamp_ns < b.stamp_ns; };
   auto& poses = trajectory->poses;
   if (!std::is_sorted(poses.begin(), poses.end(), earlier)) {
+    std::vector<int64_t> stamps;
+    for (const TimedPose& pose : poses) stamps.push_back(pose.stamp_ns);
+    RequireNoMidnight(file, stamps);
     std::stable_sort(poses.begin(), poses.end(), earlier);
     trajectory->warnings.push_back(file.string() + ": timestamps are out of order; the poses were sorted by time");
   }

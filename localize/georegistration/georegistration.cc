@@ -687,6 +687,7 @@ bool MostAreOutliers(const EarthSolution& best, double outlier_chi2) {
 struct Enlargement {
   double factor = 1;  // over the stated ones
   int round = 0;
+  bool most_outliers = false;  // at first
 };
 
 // Whether the median of squared ratios is larger than chance explains in one of a thousand cases. The fit, which takes
@@ -706,7 +707,7 @@ std::optional<Enlargement> Next(const Enlargement& now, const EarthSolution& bes
   std::vector<double> ratios = SquaredRatios(best);
   if (now.round == 0) {
     if (MostAreOutliers(best, outlier_chi2))
-      return Enlargement{std::sqrt(*std::max_element(ratios.begin(), ratios.end())), 1};
+      return Enlargement{std::sqrt(*std::max_element(ratios.begin(), ratios.end())), 1, true};
     const size_t count = ratios.size();
     const double median = count > 0 ? Median(std::move(ratios)) : 0;
     if (!IsTooLarge(median, count)) return std::nullopt;
@@ -714,7 +715,7 @@ std::optional<Enlargement> Next(const Enlargement& now, const EarthSolution& bes
   }
   const double change = std::sqrt(Median(std::move(ratios)));
   if (std::abs(change - 1) < kSame || now.round == kRounds) return std::nullopt;
-  return Enlargement{std::max(1.0, now.factor * change), now.round + 1};
+  return Enlargement{std::max(1.0, now.factor * change), now.round + 1, now.most_outliers};
 }
 
 }  // namespace
@@ -795,7 +796,7 @@ std::string Remarks(const std::optional<OtherScale>& other, const std::vector<Ot
   }
   if (enlarged > 1) {
     add(fmt::format(
-        "most geotags are farther off than their sigmas allow; these and the result's sigmas are multiplied by {:.1f}",
+        "geotags are farther off than their sigmas allow; these and the result's sigmas are multiplied by {:.1f}",
         enlarged));
   }
   return reason;
@@ -858,7 +859,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
     return Register(Enlarged(obs, next->factor / enlarged.factor), odom_covariance, scale_prior, scale_sigma, levelled,
                     options, *next);
   }
-  if (enlarged.factor > kMostSigmaFactor || (enlarged.factor > 1 && AreSystematic(best->residuals))) {
+  if (enlarged.factor > kMostSigmaFactor || (enlarged.most_outliers && AreSystematic(best->residuals))) {
     result.reason = ShapeContradiction(obs.size(), enlarged.factor);
     return result;
   }

@@ -442,14 +442,17 @@ bool IsSamePose(const Rigid3d& a, const Rigid3d& b) {
 std::optional<std::string> FindHeld(const LocalizeInput& input, const std::string& odometry,
                                     const OdometryCheckOptions& options) {
   constexpr double kMoves_rad = 0.3 * kDegToRad;
-  constexpr int kLooks = 8, kLeast = 3;
+  constexpr int kLooks = 8, kLeast = 4;
+  constexpr double kLeastPart = 0.2;  // of all steps: a stop before a passing tram is shorter
   const std::vector<int> next = NextOfCamera(input);
+  const auto steps = std::count_if(next.begin(), next.end(), [](int n) { return n >= 0; });
   std::vector<int> held;
   for (size_t i = 0; i < input.images.size(); ++i) {
     const auto pose = [&](size_t image) { return input.odom_from_body[static_cast<size_t>(input.images[image].pose)]; };
     if (next[i] >= 0 && IsSamePose(pose(i), pose(static_cast<size_t>(next[i])))) held.push_back(static_cast<int>(i));
   }
-  if (static_cast<int>(held.size()) < kLeast) return std::nullopt;
+  if (static_cast<double>(held.size()) < std::max<double>(kLeast, kLeastPart * static_cast<double>(steps)))
+    return std::nullopt;
   int compared = 0, moving = 0;
   for (const int k : Spread(static_cast<int>(held.size()), kLooks, false)) {
     const int image = held[static_cast<size_t>(k)];
@@ -462,7 +465,7 @@ std::optional<std::string> FindHeld(const LocalizeInput& input, const std::strin
       "{}: stands still, with the same pose at both ends, in {} of {} steps from image to image; of {} of these that "
       "were looked at, the pictures move in {}: its poses seem to be held until the next one comes; expected each pose "
       "at its own time only, or one that is interpolated. Option check_conventions=false skips this check",
-      odometry, held.size(), input.images.size() - input.cameras.size(), compared, moving);
+      odometry, held.size(), steps, compared, moving);
 }
 
 // Odometry that has one pose twice, number for number, and then catches up, while the images turn in between. Things

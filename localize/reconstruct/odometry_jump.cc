@@ -316,18 +316,22 @@ std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input,
     found = {f.a, f.b, by_images - OdometryStep(input, f.a, f.b), gains.back().second};
     rest = MeanSquaredResidual(q, steps, k);
   }
+  const std::vector<int> moments = MomentsOfPoses(input);
   double second = 0;  // the steps beside it explain a part of what it does
   for (const auto& [k, gain] : gains) {
     const PoseFactor& f = p.factors[k];
-    if (f.a != found.before && f.b != found.before && f.a != found.after) second = std::max(second, gain);
+    const bool beside = moments[static_cast<size_t>(f.a)] <= moments[static_cast<size_t>(found.after)] &&
+                        moments[static_cast<size_t>(f.b)] >= moments[static_cast<size_t>(found.before)];
+    if (!beside) second = std::max(second, gain);
   }
   const double limit = 1 + 2 / std::sqrt(3.0 * static_cast<double>(steps.size() - 1));
   if (found.gain < kLeastGain || second > kOfBest * found.gain || rest > limit) return {};
-  const int moment = MomentsOfPoses(input)[static_cast<size_t>(found.before)];
+  const int moment = moments[static_cast<size_t>(found.before)];
   const Path path(input, r);
   const Eigen::Vector3d shift = by_images - path.Step(moment);
-  found.of_images = IsOfImages(path, moment, shift);
-  if (!found.of_images && !IsOfOdometry(path, moment, shift)) return {};
+  const bool of_odometry = IsOfOdometry(path, moment, shift);
+  found.of_images = !of_odometry && IsOfImages(path, moment, shift);
+  if (!of_odometry && !found.of_images) return {};
   return found;
 }
 

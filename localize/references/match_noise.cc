@@ -26,7 +26,9 @@ double MatchNoise(const BundleProblem& p, const std::vector<WeighedMatch>& match
       const double share = left.eigenvalues()(c);
       freedom += std::max(0.0, share);
       if (share < kLeastShare) continue;
-      errors.push_back(std::pow(left.eigenvectors().col(c).dot(t.r), 2) / (share * match.weight));
+      // A match of half the weight has half the variance in these units; its point's part of it is as large as ever.
+      const double expected = share * (match.weight * share + 1 - share);
+      errors.push_back(std::pow(left.eigenvectors().col(c).dot(t.r), 2) / expected);
     }
   }
   if (errors.size() < kLeastErrors) return 1;

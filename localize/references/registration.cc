@@ -467,7 +467,7 @@ class Registrar {
   StretchVotes StretchOf(const ReferenceViews& ref, const std::vector<Correspondence>& all,
                          const std::vector<int>& agreeing, double threshold, uint64_t seed) const {
     constexpr size_t kMost = 300;  // matches: more show a stretch no better, but take time
-    const size_t step = all.size() / kMost + 1;
+    const size_t step = (all.size() + kMost - 1) / kMost;
     std::vector<Eigen::Vector3d> rays, points;
     for (size_t i = 0; i < all.size(); i += step) {
       rays.push_back(ref.rig.views[static_cast<size_t>(all[i].observation.view)].rig_from_view.rotation * all[i].ray);

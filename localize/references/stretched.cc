@@ -45,14 +45,14 @@ std::vector<int> VoteForStretch(const std::vector<Eigen::Vector3d>& rays, const 
   return votes;
 }
 
-double StretchShown(const StretchVotes& votes) {
+std::optional<int> StretchShown(const StretchVotes& votes) {
   // The best of so many factors fits a few more matches than the true one, by chance.
   constexpr double kClearly = 1.1, kSigmas = 3;
-  if (votes.stretched.empty()) return 1;
+  if (votes.stretched.empty()) return std::nullopt;
   const auto best = std::max_element(votes.stretched.begin(), votes.stretched.end());
   const double more = *best - votes.as_it_is;
-  if (more < (kClearly - 1) * votes.as_it_is || more < kSigmas * std::sqrt(votes.as_it_is + 1.0)) return 1;
-  return StretchFactor(static_cast<int>(best - votes.stretched.begin()));
+  if (more < (kClearly - 1) * votes.as_it_is || more < kSigmas * std::sqrt(votes.as_it_is + 1.0)) return std::nullopt;
+  return static_cast<int>(best - votes.stretched.begin());
 }
 
 }  // namespace trigpoint

@@ -4,13 +4,14 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace trigpoint {
 
 // Elevations in the picture are `factor` times the true ones.
 constexpr int kStretchFactors = 19;
-double StretchFactor(int k);  // 0.62 to 1.61 in steps of 5.5 %: between two, what is 20 deg up is off by half a degree
+double StretchFactor(int k);  // 0.62 to 1.62 in steps of 5.5 %: midway, what is 20 deg up is off by half a degree
 
 // How many matches agree on a pose.
 struct StretchVotes {
@@ -22,7 +23,7 @@ struct StretchVotes {
 std::vector<int> VoteForStretch(const std::vector<Eigen::Vector3d>& rays, const std::vector<Eigen::Vector3d>& points,
                                 double threshold, uint64_t seed);
 
-// The factor with which clearly more matches agree than without; 1 where there is none.
-double StretchShown(const StretchVotes& votes);
+// The factor with which clearly more matches agree than without.
+std::optional<int> StretchShown(const StretchVotes& votes);
 
 }  // namespace trigpoint

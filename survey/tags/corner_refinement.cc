@@ -29,7 +29,7 @@ constexpr double kEdge = 0.05;
 constexpr size_t kLeastOfKind = 50;  // fewer: the sigma of all
 constexpr double kTolerancePx = 0.002, kNearPx = 0.05;
 constexpr double kNoCost = 0.05;                 // chi-square
-constexpr size_t kMostStride = 8, kEnough = 20;  // of pixels left out at first; pixels for each unknown
+constexpr size_t kMostStride = 7, kEnough = 20;  // of pixels left out at first; pixels for each unknown
 // Below this standard deviation the Gaussian makes no visible difference beside the pixel's square. The unknown is how
 // much its variance exceeds that.
 constexpr double kLeastBlur = 0.2, kMostBlur = 10;
@@ -280,7 +280,7 @@ class Fit {
     if (stride > 1) {
       for (size_t i = 0; i < samples_.size(); i += stride) used_.push_back(samples_[i]);
       Unknowns near = x;
-      if (Iterate(kNearPx, &near, &out->iterations).empty()) x = near;
+      if (Iterate(kNearPx, &near, &out->iterations).empty() && CornerMotion(x, near) < MostMotion()) x = near;
     }
     used_ = std::move(samples_);
     const std::string problem = Iterate(kTolerancePx, &x, &out->iterations);
@@ -567,6 +567,9 @@ class Fit {
     return cost;
   }
 
+  // Of a corner, px: the first guess may be half a cell or a pixel off; more than that is another edge.
+  double MostMotion() const { return std::max(1.5, 0.6 * cell_px_); }
+
   // Corners in normalised plane coordinates.
   std::array<Eigen::Vector2d, 4> PlaneCorners(const Unknowns& x) const {
     Eigen::Matrix3d h;
@@ -632,12 +635,11 @@ class Fit {
     for (const Sample& s : used_) square += std::pow(std::min(std::abs(s.residual), 5 * SigmaOf(s)), 2);
     const double variance = square / (used_.size() - kUnknowns);
     if (std::sqrt(variance) > 0.25 * out->contrast) return "the picture does not look like the tag";
-    // The first guess may be half a cell or a pixel off; more than that is another edge.
     const auto corners = PlaneCorners(x);
     for (int k = 0; k < 4; ++k) {
       const auto pixel = plane_.ToPixel(centre_ + radius_ * corners[k]);
       if (!pixel || !pixel->allFinite()) return "a corner left the picture";
-      if ((*pixel - start_[k]).norm() > std::max(1.5, 0.6 * cell_px_)) return "a corner moved to another edge";
+      if ((*pixel - start_[k]).norm() > MostMotion()) return "a corner moved to another edge";
       out->corners[k] = *pixel;
     }
     const Normal inverse = a.ldlt().solve(Normal::Identity());

@@ -58,6 +58,19 @@ TEST(Tum, KeepsWhatIsUsableAndNamesTheRest) {
   EXPECT_THAT(warnings, HasSubstr("1 pose with a timestamp seen before"));
 }
 
+// Two logs in one file begin again, too, but not after most of a day.
+TEST(Tum, RefusesSecondsOfTheDayThatPassMidnight) {
+  const TempDir dir;
+  const std::string pose = " 0 0 0 0 0 0 1\n";
+  EXPECT_THAT(MessageOf<InputError>([&] {
+                ReadTrajectory(dir.Write("night.tum", "86398" + pose + "86399.5" + pose + "0.5" + pose + "2" + pose));
+              }),
+              HasSubstr("night.tum: its times fall from 86399.500 to 0.500 s: seconds of the day"));
+  EXPECT_NO_THROW(ReadTrajectory(dir.Write("logs.tum", "0" + pose + "900" + pose + "1" + pose + "2" + pose)));
+  EXPECT_NO_THROW(ReadTrajectory(dir.Write("day.tum", "50000" + pose + "50001" + pose + "0" + pose)));
+  EXPECT_NO_THROW(ReadTrajectory(dir.Write("last.tum", "1" + pose + "2" + pose + "86399" + pose + "3" + pose)));
+}
+
 TEST(Tum, RefusesWhatHoldsNothing) {
   const TempDir dir;
   EXPECT_THAT(

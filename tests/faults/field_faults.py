@@ -106,6 +106,17 @@ def encoded(image, file):
     return out.getvalue()
 
 
+def keep_lens_of_photos(p):
+    """Photos with geotags that state the run's calibration get a copy of it: they are not repainted."""
+    if not (p.dir / "photos.csv").exists() or "camera" not in p.table("photos.csv")[0]:
+        return
+    calibration = p.path("camchain.yaml")
+    copy = p.dir / "photo_lens.yaml"
+    p.write(copy, calibration.read_text())
+    stated = calibration.relative_to(p.dir).as_posix()
+    p.table("photos.csv", each(lambda r: r.update(camera=copy.name if r["camera"] == stated else r["camera"])))
+
+
 def repaint(p, change):
     """Changes pictures of the run by change(number in the run, PIL image)."""
     for k, file in enumerate(p.images()):
@@ -469,6 +480,7 @@ def distort(p, stated):
         x = (xd - 2 * p1 * x * y - p2 * (r2 + 2 * x * x)) / radial
         y = (yd - p1 * (r2 + 2 * y * y) - 2 * p2 * x * y) / radial
     repaint(p, lambda k, image: resampled(image, fx * x + cx, fy * y + cy))
+    keep_lens_of_photos(p)
     camchain(p, lambda data: data["cam0"].update(intrinsics=[1.27 * fx, 1.27 * fy, cx, cy], distortion_model="radtan",
                                                 distortion_coeffs=[float(c) for c in stated]))
 
@@ -511,6 +523,8 @@ def rig(p, change, late_s=0.0):
     for _, picture in images:
         (p.run / picture).unlink()
     write_images(p, [f"{t:.6f} {fresh} {name}" for t, fresh, name in sorted(rows)])
+
+    keep_lens_of_photos(p)
 
     def both(data):
         body = np.array(data["cam0"]["T_cam_imu"], float)

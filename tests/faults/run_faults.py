@@ -444,7 +444,7 @@ def columns_of(page):
 
 
 def write_table(path, files):
-    """A page with a row for each fault and a column for each data set. Columns of other data than `files` stay."""
+    """A page with a row for each fault and a column for each data set. What is not in `files` stays as it was."""
     columns = columns_of(pathlib.Path(path))
     for file in files:
         data = json.loads(pathlib.Path(file).read_text())
@@ -453,7 +453,7 @@ def write_table(path, files):
             record = results.get((fault.group, fault.name))
             if record and "messages" in record:
                 record["verdict"] = verdict_of(record, fault.cause)
-        columns[data["name"]] = results
+        columns.setdefault(data["name"], {}).update(results)
     sets = list(columns.items())
     lines = [pathlib.Path(__file__).with_name("page.md").read_text().rstrip(), ""]
     lines += ["| data | " + " | ".join([*GOOD, "failed"]) + " |", "|---|" + "---|" * (len(GOOD) + 1)]

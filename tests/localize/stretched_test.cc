@@ -43,7 +43,8 @@ Matches Seen(double factor, double wrong, uint64_t seed) {
 double ShownBy(const Matches& m, uint64_t seed) {
   StretchVotes votes{m.agreeing, VoteForStretch(m.rays, m.points, kThreshold, seed)};
   votes.as_it_is = std::max(votes.as_it_is, votes.stretched[kStretchFactors / 2]);
-  return StretchShown(votes);
+  const std::optional<int> shown = StretchShown(votes);
+  return shown ? StretchFactor(*shown) : 1;
 }
 
 TEST(StretchedPictures, AreFoundWithTheirFactor) {
