@@ -58,7 +58,7 @@ TEST(Tum, KeepsWhatIsUsableAndNamesTheRest) {
   EXPECT_THAT(warnings, HasSubstr("1 pose with a timestamp seen before"));
 }
 
-// Two logs in one file begin again, too, but not after most of a day.
+// Two logs in one file begin again, too, but not within an hour of midnight.
 TEST(Tum, RefusesSecondsOfTheDayThatPassMidnight) {
   const TempDir dir;
   const std::string pose = " 0 0 0 0 0 0 1\n";
