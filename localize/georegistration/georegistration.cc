@@ -734,12 +734,10 @@ namespace {
 // chance (0.1 %).
 double SigmaFactor(std::vector<double> chi2) {
   constexpr size_t kLeast = 5;
-  constexpr double kMedian = kMediansOfChi2[2], kSlope = 0.25;  // its density there
-  constexpr double kChance = 3.09;
-  if (chi2.size() < kLeast) return 1;
-  const double spread = 0.5 / (kSlope * std::sqrt(static_cast<double>(chi2.size())));
-  const double median = Median(std::move(chi2));
-  return median > kMedian + kChance * spread ? std::sqrt(median / kMedian) : 1;
+  const size_t count = chi2.size();
+  if (count < kLeast) return 1;
+  const double median = Median(std::move(chi2)) / kMediansOfChi2[2];
+  return IsTooLarge(median, count) ? std::sqrt(median) : 1;
 }
 
 // Residuals, and which positions and tilts are beyond the gate.
