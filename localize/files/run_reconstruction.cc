@@ -70,27 +70,66 @@ void OfferReadout(const LocalizeInput& input, const std::vector<ReadoutEstimate>
   }
 }
 
+// What the images show of a run's odometry, beside that it can be used.
+struct OdometryVerdict {
+  bool drifted = false;  // an even drift was taken out
+  double noise = 1;      // how many times larger than stated it is
+};
+
 // Refuses odometry that follows other conventions than those of docs/file_formats.md; takes out an even drift.
-// Returns whether it changed the odometry.
-bool RequireConventions(const LocalizeInput& input, const ReconstructOptions& options, Run* run,
-                        StageContext& context) {
+OdometryVerdict RequireConventions(const LocalizeInput& input, const ReconstructRunOptions& options, Run* run,
+                                   StageContext& context) {
   if (const auto unit = FindOtherUnit(*run)) throw RefusedInput(kRefusedOdometry, *unit);
   OdometryCheckOptions check;
   LocalizeInput exact = input;  // what limits odometry is no noise that adds up
   exact.flat = false, exact.time_resolution_s = 0;
-  check.noise_rad = RotationNoise(OdometryFactors(exact, options, Vector6d::Ones()));
+  check.rotation_variances =
+      RotationVariances(OdometryFactors(exact, options.reconstruct, Vector6d::Ones()), input.odom_from_body.size());
   const std::string file = (run->dir / "odometry.tum").string();
   const OdometryFinding found =
       CheckOdometry(input, run->odometry, file, check, context.threads, context.seed, context.progress, context.cancel);
   if (found.contradiction) throw RefusedInput(kRefusedOdometry, *found.contradiction);
-  if (!found.drift) return false;
+  // Where images are farther apart, pairs that other pairs confirm show the noise (view_graph.h): single ones are
+  // several degrees off themselves, as the parts of stitched pictures are turned against each other.
+  const double noise = MedianStep(input) <= options.pairs.video_step_m ? found.noise : 1;
+  if (noise > 1) {
+    context.progress.Log(
+        LogLevel::kWarning,
+        fmt::format(
+            "{}: by the images, its rotations are {:.1f} times as noisy as options odometry_rotation_deg and "
+            "odometry_rotation_deg_m of reconstruct state; its noise is taken as that many times larger. Check "
+            "the odometry (corrections by a map, jumps, the wrong images or times) and the calibration (camchain.yaml)",
+            file, noise));
+  }
+  if (!found.drift) return {false, noise};
   context.progress.Log(LogLevel::kWarning,
                        file + ": by the images, " + DriftText(*found.drift) +
                            "; it is taken out. A wrong calibration (focal length, principal point) shows the same on a "
                            "path that bends to one side: check the gyroscope or wheels that odometry is from, and "
                            "camchain.yaml");
   run->odometry = WithoutDrift(run->odometry, input.pose_stamps, input.odom_from_body, found.drift->significant_rad_m);
-  return true;
+  return {true, noise};
+}
+
+ReconstructRunOptions WithNoise(ReconstructRunOptions options, double times) {
+  ReconstructOptions& o = options.reconstruct;
+  for (double* sigma : {&o.odometry_rotation_deg, &o.odometry_rotation_deg_m, &o.odometry_translation_m,
+                        &o.odometry_translation_part}) {
+    *sigma *= times;
+  }
+  return options;
+}
+
+// Refuses images that contradict odometry as much as before once its drift is taken out: it is their lens then that
+// makes them turn otherwise.
+void RequireDriftExplains(const Run& run, const Reconstruction& r) {
+  if (!(r.correlation_inflation > InflationBy(kMostCorrelation))) return;
+  throw InputError(fmt::format(
+      "{}: by the images, odometry's heading drifts, but without the drift they contradict odometry, too ({:.0f} times "
+      "their noise): the lens seems to be another one; expected the calibration of this camera, distortion with the "
+      "signs of the model that is named: calibrate it anew (trigpoint calibrate), and check odometry.tum. Option "
+      "check_conventions=false skips this check",
+      (run.dir / "camchain.yaml").string(), r.correlation_inflation));
 }
 
 // What the lenses leave open is part of the covariances: of lenses found from the images, and of all in a run without
@@ -225,6 +264,28 @@ void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run
   }
   context.metrics["lens_residuals_removed"] = check.better;
   if (const auto contradiction = Contradiction(input, check)) throw InputError(*contradiction);
+}
+
+// Says that images had to be taken as noisier than they are, beyond what correlation along tracks explains, to fit
+// odometry. Refuses both where the images then say nothing: a tenth of half the picture's diagonal.
+void HeedContradiction(const Run& run, const LocalizeInput& input, const Reconstruction& r, bool refuse,
+                       StageContext& context) {
+  constexpr double kNothing = 0.1;
+  if (!(r.correlation_inflation > InflationBy(kMostCorrelation))) return;
+  double half_diagonal = 0;
+  for (const BodyCamera& c : input.cameras) half_diagonal = std::max(half_diagonal, HalfDiagonal(c.camera));
+  const double acting_px = r.sigma_px * r.correlation_inflation;
+  const std::string text = fmt::format(
+      "run {}: images and odometry contradict each other; to fit it, the images take part with a noise of {:.1f} px, "
+      "{:.0f} "
+      "times that of their features; check odometry (wheels that slip, a part with other lengths, corrections by a "
+      "map) "
+      "and the calibration",
+      run.name, acting_px, r.correlation_inflation);
+  if (refuse && acting_px > kNothing * half_diagonal) {
+    throw RefusedInput(kRefusedOdometry, text + ". Option check_conventions=false skips this check");
+  }
+  context.progress.Log(LogLevel::kWarning, text);
 }
 
 // The job of a run without odometry along the motion that was found for it.
@@ -392,15 +453,16 @@ void HeedCalibration(const ReconstructRunOptions& options, const fs::path& featu
     if (HaveConverged(found)) break;
     TakeCameras(found, &run);
     Run asked = run;
+    OdometryVerdict verdict;
     try {
-      RequireConventions(MakeRunJob(asked, features).input, options.reconstruct, &asked, context);
+      verdict = RequireConventions(MakeRunJob(asked, features).input, options, &asked, context);
     } catch (const RefusedInput&) {
       break;  // odometry agrees with the images through the calibrated lens alone
     }
     RunReconstruction other;
     auto log = std::make_unique<HeldLog>(context.progress);
     StageContext held = WithProgress(context, *log);
-    LocalizeJob its = ReconstructOnce(options, "trigpoint", features, asked, held, &other);
+    LocalizeJob its = ReconstructOnce(WithNoise(options, verdict.noise), "trigpoint", features, asked, held, &other);
     const double remains = DoubtOfLenses(its.input, other.reconstruction);
     if (remains > (kept.empty() ? 0.5 : 1) * doubt) break;
     *job = std::move(its), *result = std::move(other), kept = found, doubt = remains;
@@ -418,9 +480,10 @@ void HeedCalibration(const ReconstructRunOptions& options, const fs::path& featu
 
 ReconstructedRun ReconstructFiles(Run run, const fs::path& features, const ReconstructRunOptions& options,
                                   const std::string& mode, StageContext& context) {
+  OdometryVerdict verdict;
   const auto check = [&](const LocalizeJob& job) {
-    return options.check_conventions && job.input.has_odometry &&
-           RequireConventions(job.input, options.reconstruct, &run, context);
+    if (!options.check_conventions || !job.input.has_odometry) return;
+    verdict = RequireConventions(job.input, options, &run, context);
   };
   const Run as_read = run;
   // A lens that is a guess would be blamed on odometry: there the check waits for the lens.
@@ -430,9 +493,16 @@ ReconstructedRun ReconstructFiles(Run run, const fs::path& features, const Recon
   ReconstructedRun out;
   RunReconstruction& result = out.reconstruction;
   LocalizeJob& job = out.job;
-  job = calibrated || mode == "paper" ? ReconstructOnce(options, mode, features, run, context, &result)
-                                      : ReconstructWithItsCameras(options, mode, features, run, context, &result);
-  if (!calibrated && check(job)) job = ReconstructWithItsCameras(options, mode, features, run, context, &result);
+  const auto reconstruct = [&] {
+    const ReconstructRunOptions its = WithNoise(options, verdict.noise);
+    return calibrated || mode == "paper" ? ReconstructOnce(its, mode, features, run, context, &result)
+                                         : ReconstructWithItsCameras(its, mode, features, run, context, &result);
+  };
+  job = reconstruct();
+  if (!calibrated) {
+    check(job);
+    if (verdict.drifted || verdict.noise > 1) job = reconstruct();
+  }
   if (options.check_conventions && job.input.has_odometry && result.pairs_joined == 0) {
     const std::string odometry = (run.dir / "odometry.tum").string();
     if (const auto wrong = ContradictedByPairs(job.input, result.pairs_rejected, odometry)) throw InputError(*wrong);
@@ -441,11 +511,15 @@ ReconstructedRun ReconstructFiles(Run run, const fs::path& features, const Recon
     RequireCalibration(job.input, result, context);
     if (job.input.has_odometry) {
       HeedCalibration(options, features, as_read, context, &job, &result);
+      if (verdict.drifted) RequireDriftExplains(run, result.reconstruction);
       RequireNoJump(run, job.input, result.reconstruction, context);
     }
     RequireArms(run, job.input, result.reconstruction, context);
   }
   if (!job.input.has_odometry || !result.reconstruction.lens_roots.empty()) HeedLenses(job.input, &result, context);
+  if (job.input.has_odometry && mode != "paper") {
+    HeedContradiction(run, job.input, result.reconstruction, options.check_conventions, context);
+  }
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
   context.metrics.update(ReconstructionMetrics(job, result));
   OfferReadout(job.input, result.readout, context);

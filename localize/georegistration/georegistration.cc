@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <boost/math/distributions/binomial.hpp>
 #include <cmath>
 #include <map>
 
@@ -117,6 +118,10 @@ class EarthFit {
   }
   // A few steps from an estimate with slightly other data.
   EarthSolution SolveNear(const Sim3d& estimate) const { return Solve(estimate, true, kFewSteps); }
+  // How far positions are off, squared and over what their sigmas allow: 1 in the median. Those that are no outliers by
+  // Baarda's test of each: its neighbours have the run's errors in common with it, so that they show what it alone does
+  // not.
+  std::vector<double> SquaredRatios(const EarthSolution& solution) const;
   // What the result holds besides the estimate.
   void Describe(const EarthSolution& solution, GeoRegistration* result) const;
 
@@ -135,6 +140,7 @@ class EarthFit {
   double PriorCost(const Sim3d& s) const;
   void Weigh(const System& system, EarthSolution* solution) const;
   double Plausibility(const Sim3d& s) const;
+  std::vector<double> BaardaOfEach(const Sim3d& s) const;
 
   const std::vector<GeoObservation>& obs_;
   const Eigen::MatrixXd& odom_covariance_;
@@ -358,6 +364,59 @@ EarthSolution EarthFit::Solve(const Sim3d& start, bool weigh_start, int most_ite
   }
   solution.good = true;
   return solution;
+}
+
+std::vector<double> EarthFit::SquaredRatios(const EarthSolution& solution) const {
+  constexpr size_t kLeast = 3;  // two decide alone whether they agree
+  std::vector<double> ratios;
+  std::vector<size_t> inliers;
+  for (size_t i = 0; i < obs_.size(); ++i) {
+    if (solution.position_rows[i] == 0) continue;
+    ratios.push_back(solution.position_chi2[i] / kMediansOfChi2[solution.position_rows[i]]);
+    if (solution.position_chi2[i] <= options_.outlier_chi2) inliers.push_back(i);
+  }
+  if (inliers.size() < kLeast) return ratios;
+  std::vector<GeoObservation> positions;
+  std::vector<int> rows;  // of odom_covariance_
+  for (const size_t i : inliers) {
+    positions.push_back(obs_[i]);
+    positions.back().has_heading = positions.back().has_tilt = false;
+    for (int k = 0; k < 6; ++k) rows.push_back(6 * static_cast<int>(i) + k);
+  }
+  const Eigen::MatrixXd covariance = odom_covariance_(rows, rows);
+  const std::vector<double> chi2 =
+      EarthFit(positions, covariance, scale_prior_, scale_sigma_, tilt_sigma_rad_, options_).BaardaOfEach(solution.s);
+  size_t inlier = 0;
+  for (size_t i = 0, k = 0; i < obs_.size() && inlier < inliers.size(); ++i) {
+    if (solution.position_rows[i] == 0) continue;
+    if (inliers[inlier] == i) ratios[k] = chi2[inlier++] / kMediansOfChi2[solution.position_rows[i]];
+    ++k;
+  }
+  return ratios;
+}
+
+// Of the best fit near `s`: residuals v of positions with covariance C, whose cofactors are Qvv = C - J H^-1 J'; an
+// error of one position alone has T = (P v)' (P Qvv P)^-1 (P v), its rows each (Baarda 1968).
+std::vector<double> EarthFit::BaardaOfEach(const Sim3d& s) const {
+  EarthSolution even;
+  even.w_position.assign(obs_.size(), 1);
+  even.w_attitude.assign(obs_.size(), 1);
+  const System system = Build(s, even);
+  const Eigen::MatrixXd pj = system.weight * system.jac;
+  Matrix7d h = system.jac.transpose() * pj;
+  Vector7d g = pj.transpose() * system.r;
+  AddPrior(s, &h, &g);
+  const auto solver = h.ldlt();
+  const Eigen::VectorXd pv = system.weight * system.r - pj * solver.solve(g);
+  const Eigen::MatrixXd pqp = system.weight - pj * solver.solve(pj.transpose());
+  std::vector<double> chi2;
+  for (Eigen::Index begin = 0, end = 0; begin < pv.size(); begin = end) {
+    const auto of = [&](Eigen::Index k) { return system.rows[static_cast<size_t>(k)].first; };
+    while (end < pv.size() && of(end) == of(begin)) ++end;
+    const Eigen::VectorXd own = pv.segment(begin, end - begin);
+    chi2.push_back(own.dot(pqp.block(begin, begin, end - begin, end - begin).ldlt().solve(own)));
+  }
+  return chi2;
 }
 
 void EarthFit::Describe(const EarthSolution& solution, GeoRegistration* result) const {
@@ -664,15 +723,6 @@ std::string DirectionUnknown(const GeoRegistration& fit, const std::vector<GeoOb
       std::min(180.0, sigma * kRadToDeg));
 }
 
-// How far positions are off, squared and over what their sigmas allow.
-std::vector<double> SquaredRatios(const EarthSolution& best) {
-  std::vector<double> ratios;
-  for (size_t i = 0; i < best.position_rows.size(); ++i) {
-    if (best.position_rows[i] > 0) ratios.push_back(best.position_chi2[i] / kMediansOfChi2[best.position_rows[i]]);
-  }
-  return ratios;
-}
-
 bool MostAreOutliers(const EarthSolution& best, double outlier_chi2) {
   int positions = 0, outliers = 0;
   for (size_t i = 0; i < best.position_rows.size(); ++i) {
@@ -690,26 +740,28 @@ struct Enlargement {
   bool most_outliers = false;  // at first
 };
 
-// Whether the median of squared ratios is larger than chance explains in one of a thousand cases. The fit, which takes
-// up a part of the errors, makes it smaller.
+// Whether the median of squared ratios is larger than chance explains in one of a thousand cases: so many of them lie
+// at it or above. Of errors in two dimensions; in three they scatter less.
 bool IsTooLarge(double median, size_t count) {
-  constexpr double kChance = 3.09;
-  constexpr double kSpread = 1.443;  // of the median of many, of two dimensions; three have a smaller one
-  return median > 1 + kChance * kSpread / std::sqrt(static_cast<double>(count));
+  constexpr double kChance = 0.001;
+  if (count == 0) return false;
+  const boost::math::binomial above(static_cast<double>(count), std::exp2(-median));
+  return boost::math::cdf(boost::math::complement(above, static_cast<double>(count - count / 2 - 1))) < kChance;
 }
 
 // The next one where positions are farther off than their sigmas allow: the median shows it, or most are outliers.
 // Then the first is too large, so that none is taken for one. The median of what is left makes it smaller. Nothing: it
 // is right.
-std::optional<Enlargement> Next(const Enlargement& now, const EarthSolution& best, double outlier_chi2) {
+std::optional<Enlargement> Next(const Enlargement& now, const EarthFit& fit, const EarthSolution& best,
+                                double outlier_chi2) {
   constexpr int kRounds = 8;
   constexpr double kSame = 0.05;
-  std::vector<double> ratios = SquaredRatios(best);
+  std::vector<double> ratios = fit.SquaredRatios(best);
   if (now.round == 0) {
     if (MostAreOutliers(best, outlier_chi2))
       return Enlargement{std::sqrt(*std::max_element(ratios.begin(), ratios.end())), 1, true};
     const size_t count = ratios.size();
-    const double median = count > 0 ? Median(std::move(ratios)) : 0;
+    const double median = Median(std::move(ratios));
     if (!IsTooLarge(median, count)) return std::nullopt;
     return Enlargement{std::sqrt(median), 1};
   }
@@ -853,7 +905,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   if (best->good) Tally(*best, obs, options.outlier_chi2, &result);
   result.reason = Undecided(*best, solutions, obs, scale_sigma < kUnknownScale, options);
   if (!result.reason.empty()) return result;
-  if (const auto next = Next(enlarged, *best, options.outlier_chi2)) {
+  if (const auto next = Next(enlarged, used, *best, options.outlier_chi2)) {
     return Register(Enlarged(obs, next->factor / enlarged.factor), odom_covariance, scale_prior, scale_sigma, levelled,
                     options, *next);
   }

@@ -23,7 +23,8 @@ struct OdometryCheckOptions {
   int least_matches = 40;     // verified matches of a pair
   double least_deg = 2;       // median motion of the matches between the two images of a pair
   double most_sigma_deg = 6;  // of a direction of translation that is compared
-  double noise_rad = 0;       // what the rotations' stated noise adds up to over the run, 1 sigma per axis; 0: unknown
+  // What the rotations' stated noise adds up to from the first pose to each, rad^2 per axis; empty: unknown.
+  std::vector<double> rotation_variances;
 };
 
 // Motions between pairs of images spread over the run, from their matches alone. Deterministic for any `threads`.
@@ -35,6 +36,7 @@ std::vector<MeasuredMotion> MeasureMotions(const LocalizeInput& input, const std
 struct OdometryFinding {
   std::optional<std::string> contradiction;  // why it cannot be used
   std::optional<OdometryDrift> drift;        // else: a significant one, without which it can
+  double noise = 1;                          // how many times larger than stated it is; 1: as stated, or less
 };
 
 // Compares the readings of odometry with the images. Where most motions contradict it as read: a message that names the

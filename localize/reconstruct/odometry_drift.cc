@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/base/median.h"
 #include "calib/estimation/huber_by_median.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/path.h"
@@ -73,6 +74,22 @@ std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_bod
   drift.significant = significant.any();
   drift.significant_rad_m = significant.select(drift.rad_m.array(), 0.0);
   return drift;
+}
+
+double TurnNoise(const std::vector<Rigid3d>& odom_from_body, const std::vector<MeasuredMotion>& motions,
+                 const std::vector<double>& variances) {
+  constexpr double kChance = 3.09, kSpread = 1.26;  // 0.1 %; of a median of many chi-squares of 3 dof over its value
+  constexpr int kLeast = 4;
+  const int independent = IndependentMotions(motions);
+  if (independent < kLeast || variances.size() != odom_from_body.size()) return 1;
+  std::vector<double> chi2;
+  for (const MeasuredMotion& m : motions) {
+    const double images = std::hypot(kLeast_rad, m.sigma_rotation_rad);
+    const double odometry = std::abs(variances[static_cast<size_t>(m.b)] - variances[static_cast<size_t>(m.a)]);
+    chi2.push_back(std::pow(CompareMotion(odom_from_body, m).rotation_off_rad, 2) / (images * images + odometry));
+  }
+  const double factor = SigmaRatio(std::move(chi2), 3);
+  return factor * factor > 1 + kChance * kSpread / std::sqrt(independent) ? factor : 1;
 }
 
 std::string DriftText(const OdometryDrift& drift) {

@@ -26,6 +26,12 @@ struct OdometryDrift {
 std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_body,
                                        const std::vector<MeasuredMotion>& motions, double noise_rad);
 
+// How many times more odometry's rotations differ from those of the images, in the median, than its noise and theirs
+// make likely; 1 where that may be chance (0.1 %), or too few motions can be compared. `variances`: of odometry, from
+// the first pose to each, rad^2 per axis; empty: unknown.
+double TurnNoise(const std::vector<Rigid3d>& odom_from_body, const std::vector<MeasuredMotion>& motions,
+                 const std::vector<double>& variances);
+
 // "its heading drifts by +0.34 deg a metre (1 sigma 0.01), ...": of the axis that drifts most.
 std::string DriftText(const OdometryDrift& drift);
 

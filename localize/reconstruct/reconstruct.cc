@@ -479,10 +479,13 @@ std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const Recons
   return factors;
 }
 
-double RotationNoise(const std::vector<PoseFactor>& odometry) {
-  double variance = 0;
-  for (const PoseFactor& f : odometry) variance += f.sqrt_info.topLeftCorner<3, 3>().inverse().squaredNorm() / 3;
-  return std::sqrt(variance);
+std::vector<double> RotationVariances(const std::vector<PoseFactor>& odometry, size_t poses) {
+  std::vector<double> variances(poses, 0);
+  for (const PoseFactor& f : odometry) {
+    variances[static_cast<size_t>(f.b)] += f.sqrt_info.topLeftCorner<3, 3>().inverse().squaredNorm() / 3;
+  }
+  std::partial_sum(variances.begin(), variances.end(), variances.begin());
+  return variances;
 }
 
 namespace {

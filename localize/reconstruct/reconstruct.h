@@ -57,8 +57,8 @@ struct ReconstructOptions {
 std::vector<PoseFactor> OdometryFactors(const LocalizeInput& input, const ReconstructOptions& options,
                                         const Vector6d& noise_factor);
 
-// What the noise of these adds up to in rotation over the whole run, rad, 1 sigma per axis.
-double RotationNoise(const std::vector<PoseFactor>& odometry);
+// What the noise of these adds up to in rotation from the first pose to each, rad^2 per axis.
+std::vector<double> RotationVariances(const std::vector<PoseFactor>& odometry, size_t poses);
 
 // Errors of a track's observations are taken to be correlated from image to image by at most kMostCorrelation. A mean's
 // standard deviation under first-order autoregressive noise is larger by this factor.

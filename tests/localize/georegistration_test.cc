@@ -412,6 +412,39 @@ TEST(GeoRegistration, SigmasThatAreAThirdAreMadeLargerByTheMedian) {
   EXPECT_LE(outside, 10);  // of 300
 }
 
+// A run that may be bent by metres: no single position contradicts it, but neighbours, which the bend moves alike, do.
+TEST(GeoRegistration, SigmasThatAreAThirdAreSeenThroughTheRunsOwnErrors) {
+  constexpr int kDraws = 40, kPlaces = 15;
+  constexpr double kBend_m = 2, kSigma_m = 0.3;
+  int doubted_wrongly = 0, doubted = 0;
+  for (uint64_t seed = 1; seed <= kDraws; ++seed) {
+    Random random(seed);
+    const double bend_m = kBend_m * random.Normal();
+    Eigen::VectorXd bent = Eigen::VectorXd::Zero(6 * kPlaces);
+    Few path;
+    for (int i = 0; i < kPlaces; ++i) {
+      const double along = i / (kPlaces - 1.0);
+      bent(6 * i + 4) = kBend_m * along * along;
+      GeoObservation o;
+      const Eigen::Vector3d at(10.0 * i, 0, 0);
+      o.odom_from_rig.translation = at + Eigen::Vector3d(0, bend_m * along * along, 0);
+      o.position = at + kSigma_m * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal());
+      o.sigma_h_m = o.sigma_v_m = kSigma_m;
+      path.observations.push_back(o);
+    }
+    path.covariance = bent * bent.transpose() + 1e-6 * Eigen::MatrixXd::Identity(6 * kPlaces, 6 * kPlaces);
+    const auto is_doubted = [&] {
+      const GeoRegistration geo = path.Fit();
+      return !geo.solved || geo.reason.find("sigmas are multiplied by") != std::string::npos;
+    };
+    doubted_wrongly += is_doubted() ? 1 : 0;
+    for (GeoObservation& o : path.observations) o.sigma_h_m = o.sigma_v_m = kSigma_m / 3;
+    doubted += is_doubted() ? 1 : 0;
+  }
+  EXPECT_LE(doubted_wrongly, 1);
+  EXPECT_GT(doubted, kDraws - 3);
+}
+
 // Places of a path of which each is that of the next: the errors follow each other.
 TEST(GeoRegistration, ErrorsThatFollowEachOtherAreNoNoise) {
   Few path;

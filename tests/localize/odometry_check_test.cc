@@ -519,6 +519,46 @@ TEST(OdometryDrift, IsFoundAndTakenOut) {
   EXPECT_LT(squares, 1.5);
 }
 
+// Rotations that scatter as stated are as stated; three times as much is found, and by how much.
+TEST(OdometryTurnNoise, IsFoundWhereItIsLargerThanStated) {
+  constexpr double kStated_rad = 0.3 * kDegToRad, kImages_rad = 0.2 * kDegToRad;
+  constexpr int kDraws = 100;
+  int found_wrongly = 0, found = 0;
+  double sum = 0;
+  for (uint64_t seed = 1; seed <= kDraws; ++seed) {
+    auto [path, motions] = Directions(3, 1, 0, seed);
+    Random random(seed);
+    const auto turned = [&](double sigma) {
+      return ExpSO3(sigma * Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()));
+    };
+    std::vector<double> variances;
+    for (size_t k = 0; k < path.size(); ++k) variances.push_back(static_cast<double>(k) * kStated_rad * kStated_rad);
+    const auto noise_of = [&](double times) {
+      std::vector<Rigid3d> noisy = {path[0]};
+      for (size_t k = 1; k < path.size(); ++k) {
+        const Rigid3d step = path[k - 1].Inverse() * path[k];
+        noisy.push_back(noisy.back() * Rigid3d(step.rotation * turned(times * kStated_rad), step.translation));
+      }
+      for (MeasuredMotion& m : motions) {
+        const Rigid3d mounted = m.sensor_from_body;
+        m.b_from_a =
+            mounted * path[static_cast<size_t>(m.b)].Inverse() * path[static_cast<size_t>(m.a)] * mounted.Inverse();
+        m.b_from_a.rotation = turned(kImages_rad) * m.b_from_a.rotation;
+        m.sigma_rotation_rad = kImages_rad;
+      }
+      return TurnNoise(noisy, motions, variances);
+    };
+    found_wrongly += noise_of(1) > 1 ? 1 : 0;
+    const double three = noise_of(3);
+    found += three > 1 ? 1 : 0;
+    sum += three / kDraws;
+  }
+  EXPECT_LE(found_wrongly, 2);
+  EXPECT_GT(found, 95);
+  EXPECT_GT(sum, 2.0);  // the images' own noise is not three times as large
+  EXPECT_LT(sum, 3.2);
+}
+
 // Odometry between images has noise: its path is longer than the metres a drift was found over.
 TEST(OdometryDrift, IsTakenOutByTheMetresFromImageToImage) {
   constexpr int kPerStep = 20;
