@@ -83,15 +83,19 @@ OdometryVerdict RequireConventions(const LocalizeInput& input, const Reconstruct
   OdometryCheckOptions check;
   LocalizeInput exact = input;  // what limits odometry is no noise that adds up
   exact.flat = false, exact.time_resolution_s = 0;
-  check.rotation_variances =
-      RotationVariances(OdometryFactors(exact, options.reconstruct, Vector6d::Ones()), input.odom_from_body.size());
+  const auto variances = [&](const LocalizeInput& its) {
+    return RotationVariances(OdometryFactors(its, options.reconstruct, Vector6d::Ones()), its.odom_from_body.size());
+  };
+  check.noise_rad = std::sqrt(variances(exact).back());
+  check.rotation_variances = variances(input);
   const std::string file = (run->dir / "odometry.tum").string();
   const OdometryFinding found =
       CheckOdometry(input, run->odometry, file, check, context.threads, context.seed, context.progress, context.cancel);
   if (found.contradiction) throw RefusedInput(kRefusedOdometry, *found.contradiction);
   // Where images are farther apart, pairs that other pairs confirm show the noise (view_graph.h): single ones are
   // several degrees off themselves, as the parts of stitched pictures are turned against each other.
-  const double noise = MedianStep(input) <= options.pairs.video_step_m ? found.noise : 1;
+  const bool estimate = options.reconstruct.estimate_odometry && MedianStep(input) <= options.pairs.video_step_m;
+  const double noise = estimate ? found.noise : 1;
   if (noise > 1) {
     context.progress.Log(
         LogLevel::kWarning,
@@ -120,16 +124,18 @@ ReconstructRunOptions WithNoise(ReconstructRunOptions options, double times) {
   return options;
 }
 
-// Refuses images that contradict odometry as much as before once its drift is taken out: it is their lens then that
-// makes them turn otherwise.
+// Refuses images that contradict odometry although its drift is taken out: it is their lens that makes them turn
+// otherwise.
 void RequireDriftExplains(const Run& run, const Reconstruction& r) {
   if (!(r.correlation_inflation > InflationBy(kMostCorrelation))) return;
-  throw InputError(fmt::format(
-      "{}: by the images, odometry's heading drifts, but without the drift they contradict odometry, too ({:.0f} times "
-      "their noise): the lens seems to be another one; expected the calibration of this camera, distortion with the "
-      "signs of the model that is named: calibrate it anew (trigpoint calibrate), and check odometry.tum. Option "
-      "check_conventions=false skips this check",
-      (run.dir / "camchain.yaml").string(), r.correlation_inflation));
+  throw RefusedInput(
+      kRefusedOdometry,
+      fmt::format(
+          "{}: by the images, odometry drifts, but without the drift they contradict it, too (to fit it, they "
+          "take part with {:.0f} times the noise of their features): the lens seems to be another one; expected "
+          "the calibration of this camera, with the signs of its distortion model: calibrate it anew (trigpoint "
+          "calibrate), and check odometry.tum. Option check_conventions=false skips this check",
+          (run.dir / "camchain.yaml").string(), r.correlation_inflation));
 }
 
 // What the lenses leave open is part of the covariances: of lenses found from the images, and of all in a run without
@@ -442,7 +448,7 @@ std::vector<SelfCalibration> OtherLenses(const LocalizeInput& input, const Recon
 // Where the images contradict odometry by their lenses, these are estimated about their calibration, and the run is
 // reconstructed again with them, until they stay. Kept where less than half of the doubt remains.
 void HeedCalibration(const ReconstructRunOptions& options, const fs::path& features, const Run& calibrated,
-                     StageContext& context, LocalizeJob* job, RunReconstruction* result) {
+                     StageContext& context, OdometryVerdict* verdict, LocalizeJob* job, RunReconstruction* result) {
   constexpr int kRounds = 4;
   std::vector<SelfCalibration> kept;
   std::unique_ptr<HeldLog> said;
@@ -453,19 +459,20 @@ void HeedCalibration(const ReconstructRunOptions& options, const fs::path& featu
     if (HaveConverged(found)) break;
     TakeCameras(found, &run);
     Run asked = run;
-    OdometryVerdict verdict;
+    OdometryVerdict its_verdict;
+    auto log = std::make_unique<HeldLog>(context.progress);
+    StageContext held = WithProgress(context, *log);
     try {
-      verdict = RequireConventions(MakeRunJob(asked, features).input, options, &asked, context);
+      its_verdict = RequireConventions(MakeRunJob(asked, features).input, options, &asked, held);
     } catch (const RefusedInput&) {
       break;  // odometry agrees with the images through the calibrated lens alone
     }
     RunReconstruction other;
-    auto log = std::make_unique<HeldLog>(context.progress);
-    StageContext held = WithProgress(context, *log);
-    LocalizeJob its = ReconstructOnce(WithNoise(options, verdict.noise), "trigpoint", features, asked, held, &other);
+    LocalizeJob its =
+        ReconstructOnce(WithNoise(options, its_verdict.noise), "trigpoint", features, asked, held, &other);
     const double remains = DoubtOfLenses(its.input, other.reconstruction);
     if (remains > (kept.empty() ? 0.5 : 1) * doubt) break;
-    *job = std::move(its), *result = std::move(other), kept = found, doubt = remains;
+    *job = std::move(its), *result = std::move(other), *verdict = its_verdict, kept = found, doubt = remains;
     said = std::move(log);
   }
   if (kept.empty()) return;
@@ -510,9 +517,9 @@ ReconstructedRun ReconstructFiles(Run run, const fs::path& features, const Recon
   if (calibrated && options.check_conventions && mode != "paper") {
     RequireCalibration(job.input, result, context);
     if (job.input.has_odometry) {
-      HeedCalibration(options, features, as_read, context, &job, &result);
-      if (verdict.drifted) RequireDriftExplains(run, result.reconstruction);
+      HeedCalibration(options, features, as_read, context, &verdict, &job, &result);
       RequireNoJump(run, job.input, result.reconstruction, context);
+      if (verdict.drifted) RequireDriftExplains(run, result.reconstruction);
     }
     RequireArms(run, job.input, result.reconstruction, context);
   }
@@ -522,6 +529,7 @@ ReconstructedRun ReconstructFiles(Run run, const fs::path& features, const Recon
   }
   for (const std::string& w : job.warnings) context.progress.Log(LogLevel::kWarning, w);
   context.metrics.update(ReconstructionMetrics(job, result));
+  context.metrics["odometry_noise_over_stated"] = verdict.noise;
   OfferReadout(job.input, result.readout, context);
   return out;
 }

@@ -4,11 +4,11 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <boost/math/distributions/binomial.hpp>
 #include <cmath>
 #include <map>
 
 #include "calib/base/median.h"
+#include "calib/estimation/median_test.h"
 #include "calib/geo/unit_of_length.h"
 #include "calib/geometry/alignment.h"
 
@@ -95,6 +95,16 @@ struct EarthSolution {
   std::vector<Eigen::Vector3d> residuals;
 };
 
+// How far each position is off, squared and over what its sigma and that of the run at it allow: 1 in the median.
+std::vector<double> RatiosAlone(const EarthSolution& solution) {
+  std::vector<double> ratios;
+  for (size_t i = 0; i < solution.position_rows.size(); ++i) {
+    if (solution.position_rows[i] == 0) continue;
+    ratios.push_back(solution.position_chi2[i] / kMediansOfChi2[solution.position_rows[i]]);
+  }
+  return ratios;
+}
+
 // Robust generalised least squares over rotation, translation and scale. Rows are whitened against geotag noise plus
 // the places' own covariance; robust weights are of geotags.
 class EarthFit {
@@ -118,9 +128,8 @@ class EarthFit {
   }
   // A few steps from an estimate with slightly other data.
   EarthSolution SolveNear(const Sim3d& estimate) const { return Solve(estimate, true, kFewSteps); }
-  // How far positions are off, squared and over what their sigmas allow: 1 in the median. Those that are no outliers by
-  // Baarda's test of each: its neighbours have the run's errors in common with it, so that they show what it alone does
-  // not.
+  // The same, those that are no outliers by Baarda's test of each: its neighbours have the run's errors in common with
+  // it, so that they show what it alone does not.
   std::vector<double> SquaredRatios(const EarthSolution& solution) const;
   // What the result holds besides the estimate.
   void Describe(const EarthSolution& solution, GeoRegistration* result) const;
@@ -140,6 +149,7 @@ class EarthFit {
   double PriorCost(const Sim3d& s) const;
   void Weigh(const System& system, EarthSolution* solution) const;
   double Plausibility(const Sim3d& s) const;
+  std::vector<double> BaardaOfEach(const Sim3d& s, const std::vector<size_t>& which) const;
   std::vector<double> BaardaOfEach(const Sim3d& s) const;
 
   const std::vector<GeoObservation>& obs_;
@@ -368,31 +378,38 @@ EarthSolution EarthFit::Solve(const Sim3d& start, bool weigh_start, int most_ite
 
 std::vector<double> EarthFit::SquaredRatios(const EarthSolution& solution) const {
   constexpr size_t kLeast = 3;  // two decide alone whether they agree
-  std::vector<double> ratios;
-  std::vector<size_t> inliers;
-  for (size_t i = 0; i < obs_.size(); ++i) {
+  constexpr int kMostWrong = 10;
+  std::vector<double> ratios = RatiosAlone(solution);
+  std::vector<size_t> left, ratio_of;  // positions that may be right; of each, where its ratio is
+  for (size_t i = 0, k = 0; i < obs_.size(); ++i) {
     if (solution.position_rows[i] == 0) continue;
-    ratios.push_back(solution.position_chi2[i] / kMediansOfChi2[solution.position_rows[i]]);
-    if (solution.position_chi2[i] <= options_.outlier_chi2) inliers.push_back(i);
+    if (solution.position_chi2[i] <= options_.outlier_chi2) left.push_back(i), ratio_of.push_back(k);
+    ++k;
   }
-  if (inliers.size() < kLeast) return ratios;
+  for (int wrong = 0; left.size() >= kLeast; ++wrong) {
+    const std::vector<double> chi2 = BaardaOfEach(solution.s, left);
+    for (size_t k = 0; k < left.size(); ++k) {
+      ratios[ratio_of[k]] = chi2[k] / kMediansOfChi2[solution.position_rows[left[k]]];
+    }
+    // A gross error, which the run's uncertainty hides, is in the errors of its neighbours, too: these are tested
+    // without it.
+    const auto worst = std::max_element(chi2.begin(), chi2.end()) - chi2.begin();
+    if (chi2[static_cast<size_t>(worst)] <= options_.outlier_chi2 || wrong == kMostWrong) break;
+    left.erase(left.begin() + worst), ratio_of.erase(ratio_of.begin() + worst);
+  }
+  return ratios;
+}
+
+std::vector<double> EarthFit::BaardaOfEach(const Sim3d& s, const std::vector<size_t>& which) const {
   std::vector<GeoObservation> positions;
   std::vector<int> rows;  // of odom_covariance_
-  for (const size_t i : inliers) {
+  for (const size_t i : which) {
     positions.push_back(obs_[i]);
     positions.back().has_heading = positions.back().has_tilt = false;
     for (int k = 0; k < 6; ++k) rows.push_back(6 * static_cast<int>(i) + k);
   }
   const Eigen::MatrixXd covariance = odom_covariance_(rows, rows);
-  const std::vector<double> chi2 =
-      EarthFit(positions, covariance, scale_prior_, scale_sigma_, tilt_sigma_rad_, options_).BaardaOfEach(solution.s);
-  size_t inlier = 0;
-  for (size_t i = 0, k = 0; i < obs_.size() && inlier < inliers.size(); ++i) {
-    if (solution.position_rows[i] == 0) continue;
-    if (inliers[inlier] == i) ratios[k] = chi2[inlier++] / kMediansOfChi2[solution.position_rows[i]];
-    ++k;
-  }
-  return ratios;
+  return EarthFit(positions, covariance, scale_prior_, scale_sigma_, tilt_sigma_rad_, options_).BaardaOfEach(s);
 }
 
 // Of the best fit near `s`: residuals v of positions with covariance C, whose cofactors are Qvv = C - J H^-1 J'; an
@@ -738,15 +755,13 @@ struct Enlargement {
   double factor = 1;  // over the stated ones
   int round = 0;
   bool most_outliers = false;  // at first
+  bool of_run = false;         // the run's own uncertainty does not explain the errors: its shape may be wrong, too
 };
 
-// Whether the median of squared ratios is larger than chance explains in one of a thousand cases: so many of them lie
-// at it or above. Of errors in two dimensions; in three they scatter less.
-bool IsTooLarge(double median, size_t count) {
-  constexpr double kChance = 0.001;
-  if (count == 0) return false;
-  const boost::math::binomial above(static_cast<double>(count), std::exp2(-median));
-  return boost::math::cdf(boost::math::complement(above, static_cast<double>(count - count / 2 - 1))) < kChance;
+// Whether the median of squared ratios is larger than chance explains. Of errors in two dimensions; in three they
+// scatter less. Turn in plan and translation take up a position; tilt and scale are known.
+bool IsTooLarge(const std::vector<double>& ratios) {
+  return ratios.size() > 1 && IsMedianTooLarge(Median(ratios), ratios.size() - 1, 2);
 }
 
 // The next one where positions are farther off than their sigmas allow: the median shows it, or most are outliers.
@@ -756,18 +771,17 @@ std::optional<Enlargement> Next(const Enlargement& now, const EarthFit& fit, con
                                 double outlier_chi2) {
   constexpr int kRounds = 8;
   constexpr double kSame = 0.05;
-  std::vector<double> ratios = fit.SquaredRatios(best);
+  const std::vector<double> ratios = fit.SquaredRatios(best);
   if (now.round == 0) {
-    if (MostAreOutliers(best, outlier_chi2))
-      return Enlargement{std::sqrt(*std::max_element(ratios.begin(), ratios.end())), 1, true};
-    const size_t count = ratios.size();
-    const double median = Median(std::move(ratios));
-    if (!IsTooLarge(median, count)) return std::nullopt;
-    return Enlargement{std::sqrt(median), 1};
+    if (MostAreOutliers(best, outlier_chi2)) {
+      return Enlargement{std::sqrt(*std::max_element(ratios.begin(), ratios.end())), 1, true, true};
+    }
+    if (!IsTooLarge(ratios)) return std::nullopt;
+    return Enlargement{std::sqrt(Median(ratios)), 1, false, IsTooLarge(RatiosAlone(best))};
   }
-  const double change = std::sqrt(Median(std::move(ratios)));
+  const double change = std::sqrt(Median(ratios));
   if (std::abs(change - 1) < kSame || now.round == kRounds) return std::nullopt;
-  return Enlargement{std::max(1.0, now.factor * change), now.round + 1, now.most_outliers};
+  return Enlargement{std::max(1.0, now.factor * change), now.round + 1, now.most_outliers, now.of_run};
 }
 
 }  // namespace
@@ -789,7 +803,7 @@ double SigmaFactor(std::vector<double> chi2) {
   const size_t count = chi2.size();
   if (count < kLeast) return 1;
   const double median = Median(std::move(chi2)) / kMediansOfChi2[2];
-  return IsTooLarge(median, count) ? std::sqrt(median) : 1;
+  return IsMedianTooLarge(median, count, 2) ? std::sqrt(median) : 1;
 }
 
 // Residuals, and which positions and tilts are beyond the gate.
@@ -823,6 +837,11 @@ bool AreSystematic(const std::vector<Eigen::Vector3d>& residuals) {
   return pairs >= kLeast && sum > kSigmas * std::sqrt(0.5 * static_cast<double>(pairs));
 }
 
+bool ContradictsShape(const Enlargement& enlarged, const EarthSolution& best) {
+  return enlarged.of_run &&
+         (enlarged.factor > kMostSigmaFactor || (enlarged.most_outliers && AreSystematic(best.residuals)));
+}
+
 std::string ShapeContradiction(size_t geotags, double factor) {
   return fmt::format(
       "most of {} geotags contradict the run's shape, by {:.0f} times their sigmas in the median; check latitude, "
@@ -831,7 +850,8 @@ std::string ShapeContradiction(size_t geotags, double factor) {
 }
 
 // What is to be known about a fit that is used.
-std::string Remarks(const std::optional<OtherScale>& other, const std::vector<OtherTurn>& turns, double enlarged) {
+std::string Remarks(const std::optional<OtherScale>& other, const std::vector<OtherTurn>& turns,
+                    const Enlargement& enlarged) {
   std::string reason;
   if (other && other->IsSaid()) {
     reason =
@@ -844,10 +864,9 @@ std::string Remarks(const std::optional<OtherScale>& other, const std::vector<Ot
   for (const OtherTurn& turn : turns) {
     if (turn.certain) add(turn.Describe());
   }
-  if (enlarged > 1) {
-    add(fmt::format(
-        "geotags are farther off than their sigmas allow; these and the result's sigmas are multiplied by {:.1f}",
-        enlarged));
+  if (enlarged.factor > 1) {
+    add(fmt::format("geotags are farther off than their sigmas allow; these{} sigmas are multiplied by {:.1f}",
+                    enlarged.of_run ? " and the result's" : "", enlarged.factor));
   }
   return reason;
 }
@@ -909,7 +928,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
     return Register(Enlarged(obs, next->factor / enlarged.factor), odom_covariance, scale_prior, scale_sigma, levelled,
                     options, *next);
   }
-  if (enlarged.factor > kMostSigmaFactor || (enlarged.most_outliers && AreSystematic(best->residuals))) {
+  if (ContradictsShape(enlarged, *best)) {
     result.reason = ShapeContradiction(obs.size(), enlarged.factor);
     return result;
   }
@@ -922,8 +941,8 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   if (other) WidenScale(*other, scale_prior, best->s.scale, &result.covariance);
   WidenTurns(turns, &result.covariance);
   // The run's shape may be what is wrong: it takes up a part of the errors, and bends what lies between the geotags.
-  result.covariance *= enlarged.factor * enlarged.factor;
-  result.reason = Remarks(other, turns, enlarged.factor);
+  if (enlarged.of_run) result.covariance *= enlarged.factor * enlarged.factor;
+  result.reason = Remarks(other, turns, enlarged);
   result.solved = true;
   return result;
 }

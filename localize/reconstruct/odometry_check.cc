@@ -762,8 +762,7 @@ OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whol
   if (const auto place = FindBrokenPlace(input, motions, gates)) {
     return {Jump(input, odometry, place->first, place->second), {}};
   }
-  const double noise_rad = options.rotation_variances.empty() ? 0 : std::sqrt(options.rotation_variances.back());
-  const std::optional<OdometryDrift> drift = FindDrift(input.odom_from_body, motions, noise_rad);
+  const std::optional<OdometryDrift> drift = FindDrift(input.odom_from_body, motions, options.noise_rad);
   if (drift) progress.Log(LogLevel::kInfo, "odometry against the images: " + DriftText(*drift));
   const bool drifts = drift && drift->significant;
   const bool noisy = IsNoise(verdict, input.odom_from_body, motions);
@@ -779,7 +778,8 @@ OdometryFinding CheckOdometry(const LocalizeInput& input, const Trajectory& whol
   if (auto wrong = FindWrongStretch(input, motions, odometry, progress)) return {wrong, {}};
   return {FindJump(input, odometry, gates, options, threads, seed, cancel),
           drifts ? drift : std::optional<OdometryDrift>(),
-          TurnNoise(input.odom_from_body, motions, options.rotation_variances)};
+          TurnNoise(drifts ? WithoutDrift(input.odom_from_body, drift->significant_rad_m) : input.odom_from_body,
+                    motions, options.rotation_variances)};
 }
 
 std::optional<std::string> ContradictedByPairs(const LocalizeInput& input, const std::vector<ImagePair>& rejected,

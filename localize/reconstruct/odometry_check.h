@@ -23,7 +23,8 @@ struct OdometryCheckOptions {
   int least_matches = 40;     // verified matches of a pair
   double least_deg = 2;       // median motion of the matches between the two images of a pair
   double most_sigma_deg = 6;  // of a direction of translation that is compared
-  // What the rotations' stated noise adds up to from the first pose to each, rad^2 per axis; empty: unknown.
+  double noise_rad = 0;       // what the rotations' stated noise adds up to over the run, 1 sigma per axis; 0: unknown
+  // The same from the first pose to each, with what limits odometry, rad^2 per axis; empty: unknown.
   std::vector<double> rotation_variances;
 };
 

@@ -7,6 +7,7 @@
 
 #include "calib/base/median.h"
 #include "calib/estimation/huber_by_median.h"
+#include "calib/estimation/median_test.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/path.h"
 #include "calib/geometry/so3.h"
@@ -76,20 +77,48 @@ std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_bod
   return drift;
 }
 
+std::vector<Rigid3d> WithoutDrift(const std::vector<Rigid3d>& odom_from_body, const Eigen::Vector3d& rad_m) {
+  const std::vector<double> travelled = PathLengths(odom_from_body);
+  std::vector<Rigid3d> mended = {odom_from_body.front()};
+  for (size_t k = 1; k < odom_from_body.size(); ++k) {
+    Rigid3d step = odom_from_body[k - 1].Inverse() * odom_from_body[k];
+    step.rotation = step.rotation * ExpSO3((travelled[k - 1] - travelled[k]) * rad_m);
+    mended.push_back(mended.back() * step);
+    mended.back().rotation.normalize();
+  }
+  return mended;
+}
+
 double TurnNoise(const std::vector<Rigid3d>& odom_from_body, const std::vector<MeasuredMotion>& motions,
                  const std::vector<double>& variances) {
-  constexpr double kChance = 3.09, kSpread = 1.26;  // 0.1 %; of a median of many chi-squares of 3 dof over its value
-  constexpr int kLeast = 4;
-  const int independent = IndependentMotions(motions);
-  if (independent < kLeast || variances.size() != odom_from_body.size()) return 1;
-  std::vector<double> chi2;
+  constexpr size_t kLeast = 4;
+  constexpr double kMost = 1e3;
+  if (motions.empty() || variances.size() != odom_from_body.size()) return 1;
+  std::vector<double> squares, images, odometry;
+  std::vector<int> spans;
   for (const MeasuredMotion& m : motions) {
-    const double images = std::hypot(kLeast_rad, m.sigma_rotation_rad);
-    const double odometry = std::abs(variances[static_cast<size_t>(m.b)] - variances[static_cast<size_t>(m.a)]);
-    chi2.push_back(std::pow(CompareMotion(odom_from_body, m).rotation_off_rad, 2) / (images * images + odometry));
+    squares.push_back(std::pow(CompareMotion(odom_from_body, m).rotation_off_rad, 2));
+    images.push_back(std::pow(kLeast_rad, 2) + std::pow(m.sigma_rotation_rad, 2));
+    odometry.push_back(std::abs(variances[static_cast<size_t>(m.b)] - variances[static_cast<size_t>(m.a)]));
+    spans.push_back(std::abs(m.b - m.a));
   }
-  const double factor = SigmaRatio(std::move(chi2), 3);
-  return factor * factor > 1 + kChance * kSpread / std::sqrt(independent) ? factor : 1;
+  const auto median = [&](double factor) {  // over its expectation
+    std::vector<double> ratios;
+    for (size_t k = 0; k < squares.size(); ++k) {
+      ratios.push_back(squares[k] / (images[k] + factor * factor * odometry[k]) / kMediansOfChi2[3]);
+    }
+    return Median(std::move(ratios));
+  };
+  // Motions over the same steps have their noise in common.
+  const size_t apart = (odom_from_body.size() - 1) / static_cast<size_t>(std::max(1, Median(std::move(spans))));
+  const size_t independent = std::min({apart, motions.size(), static_cast<size_t>(IndependentMotions(motions))});
+  if (independent < kLeast || !IsMedianTooLarge(median(1), independent, 3)) return 1;
+  double least = 1, most = kMost;
+  while (most > 1.001 * least) {
+    const double middle = std::sqrt(least * most);
+    (median(middle) > 1 ? least : most) = middle;
+  }
+  return most;
 }
 
 std::string DriftText(const OdometryDrift& drift) {

@@ -26,9 +26,12 @@ struct OdometryDrift {
 std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_body,
                                        const std::vector<MeasuredMotion>& motions, double noise_rad);
 
-// How many times more odometry's rotations differ from those of the images, in the median, than its noise and theirs
-// make likely; 1 where that may be chance (0.1 %), or too few motions can be compared. `variances`: of odometry, from
-// the first pose to each, rad^2 per axis; empty: unknown.
+// The poses with steps that are turned back by the drift; lengths of steps and the first pose stay.
+std::vector<Rigid3d> WithoutDrift(const std::vector<Rigid3d>& odom_from_body, const Eigen::Vector3d& rad_m);
+
+// How many times larger than stated odometry's noise is, by the median difference of its rotations from those of the
+// images, which have noise of their own; 1 where the difference may be chance (0.1 %), or too few motions can be
+// compared. `variances`: of odometry as stated, from the first pose to each, rad^2 per axis; empty: unknown.
 double TurnNoise(const std::vector<Rigid3d>& odom_from_body, const std::vector<MeasuredMotion>& motions,
                  const std::vector<double>& variances);
 

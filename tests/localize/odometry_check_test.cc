@@ -514,6 +514,8 @@ TEST(OdometryDrift, IsFoundAndTakenOut) {
     for (size_t k = 0; k < path.size(); ++k) {
       EXPECT_LT((mended.poses[k].target_from_body.Inverse() * path[k]).translation.norm(), 1e-9);
     }
+    const std::vector<Rigid3d> poses = WithoutDrift(drifting, drift_rad_m);
+    for (size_t k = 0; k < path.size(); ++k) EXPECT_LT((poses[k].Inverse() * path[k]).translation.norm(), 1e-9);
   }
   EXPECT_GT(squares, 0.3);
   EXPECT_LT(squares, 1.5);
