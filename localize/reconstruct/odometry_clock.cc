@@ -175,6 +175,7 @@ std::optional<OdometryClock> FindOdometryClock(const Trajectory& odometry, const
 
 std::optional<ClockStep> FindClockStep(const Trajectory& odometry, std::vector<MeasuredTurn> turns, double most_s) {
   constexpr size_t kParts = 4;
+  constexpr double kAgrees_rad = 2 * kDegToRad;  // in the median; odometry that turns otherwise has no right clock
   std::sort(turns.begin(), turns.end(),
             [](const MeasuredTurn& a, const MeasuredTurn& b) { return a.a_ns + a.b_ns < b.a_ns + b.b_ns; });
   for (size_t part = 1; part < kParts; ++part) {
@@ -185,7 +186,8 @@ std::optional<ClockStep> FindClockStep(const Trajectory& odometry, std::vector<M
     const OdometryClock& off = before->significant ? *before : *after;
     const OdometryClock& right = before->significant ? *after : *before;
     // A part in which the clock is hardly known agrees with any.
-    if (off.rate != 0 || !right.agrees || 3 * right.sigma_s > std::abs(off.offset_s)) continue;
+    if (off.rate != 0 || off.off_after_rad > kAgrees_rad || !right.agrees || 3 * right.sigma_s > std::abs(off.offset_s))
+      continue;
     return ClockStep{(split->a_ns + split->b_ns) / 2, after->significant, off};
   }
   return std::nullopt;
