@@ -865,10 +865,20 @@ std::string Remarks(const std::optional<OtherScale>& other, const std::vector<Ot
     if (turn.certain) add(turn.Describe());
   }
   if (enlarged.factor > 1) {
-    add(fmt::format("geotags are farther off than their sigmas allow; these{} sigmas are multiplied by {:.1f}",
-                    enlarged.of_run ? " and the result's" : "", enlarged.factor));
+    add(fmt::format(
+        "geotags are farther off than their sigmas allow; these and the result's sigmas{} are multiplied by {:.1f}",
+        enlarged.of_run ? "" : ", as far as they are from geotags,", enlarged.factor));
   }
   return reason;
+}
+
+// One factor for all positions and directions leaves some too small. What they bring to the fit's covariance is
+// therefore multiplied again; all of it where the run's shape may be what is wrong, as that bends what lies between the
+// geotags.
+void Widen(const Enlargement& enlarged, const Eigen::MatrixXd& odom_covariance, GeoRegistration* result) {
+  Matrix7d of_geotags = result->covariance;
+  if (!enlarged.of_run) of_geotags -= result->sensitivity * odom_covariance * result->sensitivity.transpose();
+  result->covariance += (enlarged.factor * enlarged.factor - 1) * of_geotags;
 }
 
 GeoRegistration Unsolved(size_t observations) {
@@ -940,8 +950,7 @@ GeoRegistration Register(const std::vector<GeoObservation>& obs, const Eigen::Ma
   if (!result.reason.empty()) return result;
   if (other) WidenScale(*other, scale_prior, best->s.scale, &result.covariance);
   WidenTurns(turns, &result.covariance);
-  // The run's shape may be what is wrong: it takes up a part of the errors, and bends what lies between the geotags.
-  if (enlarged.of_run) result.covariance *= enlarged.factor * enlarged.factor;
+  Widen(enlarged, odom_covariance, &result);
   result.reason = Remarks(other, turns, enlarged);
   result.solved = true;
   return result;

@@ -385,7 +385,7 @@ TEST(GeoRegistration, SigmasThatAreTooSmallAreSaidAndMadeLarger) {
   }
   const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
   ASSERT_TRUE(geo.solved) << geo.reason;
-  EXPECT_NE(geo.reason.find("sigmas are multiplied by"), std::string::npos);
+  EXPECT_NE(geo.reason.find("geotags are farther off than their sigmas allow"), std::string::npos);
   EXPECT_GT(std::sqrt(geo.covariance(3, 3)), 1.5 * honest);
   ExpectWithin(3, geo, site);
 }
@@ -398,7 +398,7 @@ TEST(GeoRegistration, SigmasThatAreAThirdAreMadeLargerByTheMedian) {
     Site site = MakeSite(seed, 0);
     const auto fit = [&] { return RegisterToEarth(site.observations, site.odom_covariance, kScale, 0.001, false, {}); };
     const auto is_enlarged = [](const GeoRegistration& geo) {
-      return geo.reason.find("sigmas are multiplied by") != std::string::npos;
+      return geo.reason.find("geotags are farther off than their sigmas allow") != std::string::npos;
     };
     enlarged_wrongly += is_enlarged(fit()) ? 1 : 0;
     for (GeoObservation& o : site.observations) o.sigma_h_m = 0.09, o.sigma_v_m = 0.25;
@@ -413,26 +413,25 @@ TEST(GeoRegistration, SigmasThatAreAThirdAreMadeLargerByTheMedian) {
   EXPECT_LE(outside, 10);  // of 300
 }
 
-// A run that may be bent by metres along all axes.
-Few BentRun(uint64_t seed) {
+// A run that may be metres off as a whole, along all axes.
+Few ShiftedRun(uint64_t seed) {
   constexpr int kPlaces = 15;
-  constexpr double kBend_m = 2, kSigma_m = 0.3;
+  constexpr double kShift_m = 2, kSigma_m = 0.3;
   Random random(seed);
   const auto normal3 = [&] { return Eigen::Vector3d(random.Normal(), random.Normal(), random.Normal()); };
-  const Eigen::Vector3d bend_m = kBend_m * normal3();
-  Eigen::MatrixXd bent = Eigen::MatrixXd::Zero(6 * kPlaces, 3);
+  const Eigen::Vector3d shift_m = kShift_m * normal3();
+  Eigen::MatrixXd shifted = Eigen::MatrixXd::Zero(6 * kPlaces, 3);
   Few path;
   for (int i = 0; i < kPlaces; ++i) {
-    const double along = std::pow(i / (kPlaces - 1.0) - 0.5, 2) + 1;
-    bent.block<3, 3>(6 * i + 3, 0) = kBend_m * along * Eigen::Matrix3d::Identity();
+    shifted.block<3, 3>(6 * i + 3, 0) = kShift_m * Eigen::Matrix3d::Identity();
     GeoObservation o;
     const Eigen::Vector3d at(10.0 * i, 0, 0);
-    o.odom_from_rig.translation = at + along * bend_m;
+    o.odom_from_rig.translation = at + shift_m;
     o.position = at + kSigma_m * normal3();
     o.sigma_h_m = o.sigma_v_m = kSigma_m;
     path.observations.push_back(o);
   }
-  path.covariance = bent * bent.transpose() + 1e-6 * Eigen::MatrixXd::Identity(6 * kPlaces, 6 * kPlaces);
+  path.covariance = shifted * shifted.transpose() + 1e-6 * Eigen::MatrixXd::Identity(6 * kPlaces, 6 * kPlaces);
   return path;
 }
 
@@ -442,9 +441,9 @@ TEST(GeoRegistration, SigmasThatAreAThirdAreSeenThroughTheRunsOwnErrors) {
   int wrongly = 0, found = 0, outliers = 0;
   std::vector<double> growths;
   for (uint64_t seed = 1; seed <= kDraws; ++seed) {
-    Few path = BentRun(seed);
+    Few path = ShiftedRun(seed);
     const auto is_doubted = [](const GeoRegistration& geo) {
-      return !geo.solved || geo.reason.find("sigmas are multiplied by") != std::string::npos;
+      return !geo.solved || geo.reason.find("geotags are farther off than their sigmas allow") != std::string::npos;
     };
     const GeoRegistration honest = path.Fit();
     wrongly += is_doubted(honest) ? 1 : 0;
@@ -464,11 +463,11 @@ TEST(GeoRegistration, SigmasThatAreAThirdAreSeenThroughTheRunsOwnErrors) {
 // One of 15 is three metres off, in a run that may be: that is no reason to doubt the others.
 TEST(GeoRegistration, OneGrossErrorThatTheRunHidesEnlargesNothing) {
   for (uint64_t seed = 1; seed <= 20; ++seed) {
-    Few path = BentRun(seed);
+    Few path = ShiftedRun(seed);
     path.observations[5].position.y() += 3;
     const GeoRegistration geo = path.Fit();
     ASSERT_TRUE(geo.solved) << geo.reason;
-    EXPECT_EQ(geo.reason.find("are multiplied by"), std::string::npos) << seed << " " << geo.reason;
+    EXPECT_EQ(geo.reason.find("geotags are farther off"), std::string::npos) << seed << " " << geo.reason;
   }
 }
 
