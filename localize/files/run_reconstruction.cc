@@ -283,10 +283,8 @@ void HeedContradiction(const Run& run, const LocalizeInput& input, const Reconst
   const double acting_px = r.sigma_px * r.correlation_inflation;
   const std::string text = fmt::format(
       "run {}: images and odometry contradict each other; to fit it, the images take part with a noise of {:.1f} px, "
-      "{:.0f} "
-      "times that of their features; check odometry (wheels that slip, a part with other lengths, corrections by a "
-      "map) "
-      "and the calibration",
+      "{:.0f} times that of their features; check odometry (wheels that slip, a part with other lengths, corrections "
+      "by a map) and the calibration",
       run.name, acting_px, r.correlation_inflation);
   if (refuse && acting_px > kNothing * half_diagonal) {
     throw RefusedInput(kRefusedOdometry, text + ". Option check_conventions=false skips this check");

@@ -40,6 +40,19 @@ std::vector<Turn> TurnsOf(const std::vector<Rigid3d>& poses, const std::vector<d
   return turns;
 }
 
+// Poses with steps that are turned back by the drift over the metres travelled from each to the next.
+std::vector<Rigid3d> TurnedBack(const std::vector<Rigid3d>& poses, const std::vector<double>& travelled,
+                                const Eigen::Vector3d& rad_m) {
+  std::vector<Rigid3d> mended = {poses.front()};
+  for (size_t k = 1; k < poses.size(); ++k) {
+    Rigid3d step = poses[k - 1].Inverse() * poses[k];
+    step.rotation = step.rotation * ExpSO3((travelled[k - 1] - travelled[k]) * rad_m);
+    mended.push_back(mended.back() * step);
+    mended.back().rotation.normalize();
+  }
+  return mended;
+}
+
 }  // namespace
 
 std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_body,
@@ -78,15 +91,7 @@ std::optional<OdometryDrift> FindDrift(const std::vector<Rigid3d>& odom_from_bod
 }
 
 std::vector<Rigid3d> WithoutDrift(const std::vector<Rigid3d>& odom_from_body, const Eigen::Vector3d& rad_m) {
-  const std::vector<double> travelled = PathLengths(odom_from_body);
-  std::vector<Rigid3d> mended = {odom_from_body.front()};
-  for (size_t k = 1; k < odom_from_body.size(); ++k) {
-    Rigid3d step = odom_from_body[k - 1].Inverse() * odom_from_body[k];
-    step.rotation = step.rotation * ExpSO3((travelled[k - 1] - travelled[k]) * rad_m);
-    mended.push_back(mended.back() * step);
-    mended.back().rotation.normalize();
-  }
-  return mended;
+  return TurnedBack(odom_from_body, PathLengths(odom_from_body), rad_m);
 }
 
 double TurnNoise(const std::vector<Rigid3d>& odom_from_body, const std::vector<MeasuredMotion>& motions,
@@ -151,14 +156,15 @@ double TravelledAt(const std::vector<int64_t>& stamps_ns, const std::vector<doub
 Trajectory WithoutDrift(const Trajectory& odometry, const std::vector<int64_t>& stamps_ns,
                         const std::vector<Rigid3d>& odom_from_body, const Eigen::Vector3d& rad_m) {
   const std::vector<double> travelled = PathLengths(odom_from_body);
-  const auto travelled_at = [&](size_t k) { return TravelledAt(stamps_ns, travelled, odometry.poses[k].stamp_ns); };
-  Trajectory result = odometry;
-  for (size_t k = 1; k < odometry.poses.size(); ++k) {
-    Rigid3d step = odometry.poses[k - 1].target_from_body.Inverse() * odometry.poses[k].target_from_body;
-    step.rotation = step.rotation * ExpSO3((travelled_at(k - 1) - travelled_at(k)) * rad_m);
-    result.poses[k].target_from_body = result.poses[k - 1].target_from_body * step;
-    result.poses[k].target_from_body.rotation.normalize();
+  std::vector<Rigid3d> poses;
+  std::vector<double> travelled_at;
+  for (const TimedPose& pose : odometry.poses) {
+    poses.push_back(pose.target_from_body);
+    travelled_at.push_back(TravelledAt(stamps_ns, travelled, pose.stamp_ns));
   }
+  poses = TurnedBack(poses, travelled_at, rad_m);
+  Trajectory result = odometry;
+  for (size_t k = 0; k < poses.size(); ++k) result.poses[k].target_from_body = poses[k];
   return result;
 }
 
