@@ -48,7 +48,7 @@ StageInfo DetectStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const DetectOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 5;
+    request.version = 6;
     request.options = JsonFromOptions(options);
     request.inputs = RunInputs(project, project.run(target.run));
     request.body = [options, name = target.run](StageContext& context) {

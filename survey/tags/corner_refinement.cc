@@ -40,86 +40,96 @@ constexpr double kLeastBlack = 2e-3;
 // Above this size of a cell only the outer ring of cells is used: it carries enough, and a sheet that is not quite
 // flat pulls less at the corners.
 constexpr double kAllCellsBelowPx = 8.0;
+constexpr double kFlatPx = 3;  // farther from every edge, pixels show only the levels
 // What a picture's noise does not tell: printing, flatness, the pixel's true response. Share of a pixel.
 constexpr double kSigmaFloorPx = 0.02;
 
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Normal = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
-// The sum of w j j^T over many rows j, in blocks: products of matrices are several times faster than updates of rank
-// one.
-class NormalSum {
- public:
-  void Add(const Unknowns& j, double weight) {
-    rows_.col(count_) = j;
-    weighted_.col(count_) = weight * j;
-    if (++count_ == kBlock) Flush();
+// Derivatives of residuals, a column each. Their rounding is far below the noise of pixels.
+using Columns = Eigen::Matrix<float, kUnknowns, Eigen::Dynamic>;
+
+// The sum of w^2 j j^T over columns j with weights w, both triangles.
+Normal SumOfProducts(const Columns& columns, const Eigen::VectorXf& weights) {
+  constexpr Eigen::Index kBlock = 64;  // sums of floats stay short
+  Normal sum = Normal::Zero();
+  for (Eigen::Index i = 0; i < columns.cols(); i += kBlock) {
+    const Eigen::Index n = std::min(kBlock, columns.cols() - i);
+    const Eigen::Matrix<float, kUnknowns, Eigen::Dynamic, 0, kUnknowns, kBlock> weighted =
+        columns.middleCols(i, n) * weights.segment(i, n).asDiagonal();
+    Eigen::Matrix<float, kUnknowns, kUnknowns> part = Eigen::Matrix<float, kUnknowns, kUnknowns>::Zero();
+    part.selfadjointView<Eigen::Lower>().rankUpdate(weighted);
+    sum += part.cast<double>();
   }
-  // Both triangles.
-  const Normal& Sum() {
-    Flush();
-    return sum_;
+  return sum.selfadjointView<Eigen::Lower>();
+}
+
+// The normal distribution by a table: cubic Hermite interpolation, whose error is below 1e-7. A tag's pixels ask for it
+// hundreds of thousands of times.
+class NormalTable {
+ public:
+  struct Value {
+    double phi, density;
+  };
+  static const NormalTable& Get() {
+    static const NormalTable table;
+    return table;
+  }
+  Value At(double x) const {
+    // In this order what is not a number ends at 0.
+    const double at = std::min(std::max(0.0, (x + kReach) * kPerSigma), kNodes - 1.001);
+    const auto i = static_cast<size_t>(at);
+    const Node &l = nodes_[i], &r = nodes_[i + 1];
+    const double t = at - static_cast<double>(i), u = 1 - t;
+    const double l0 = u * u * (1 + 2 * t), r0 = t * t * (3 - 2 * t), l1 = t * u * u, r1 = -t * t * u;
+    return {l0 * l.at.phi + l1 * l.slope.phi + r0 * r.at.phi + r1 * r.slope.phi,
+            l0 * l.at.density + l1 * l.slope.density + r0 * r.at.density + r1 * r.slope.density};
   }
 
  private:
-  static constexpr int kBlock = 64;
-  void Flush() {
-    sum_.noalias() += rows_.leftCols(count_) * weighted_.leftCols(count_).transpose();
-    count_ = 0;
+  NormalTable() {
+    for (int i = 0; i < kNodes; ++i) {
+      const double x = static_cast<double>(i) / kPerSigma - kReach;
+      const double density = std::exp(-0.5 * x * x) / std::sqrt(2 * std::numbers::pi);
+      nodes_[i] = {{0.5 * std::erfc(-x * std::numbers::sqrt2 / 2), density},
+                   {density / kPerSigma, -x * density / kPerSigma}};
+    }
   }
-
-  Eigen::Matrix<double, kUnknowns, kBlock> rows_, weighted_;
-  Normal sum_ = Normal::Zero();
-  int count_ = 0;
+  static constexpr int kReach = 6, kPerSigma = 16, kNodes = 2 * kReach * kPerSigma + 1;
+  struct Node {
+    Value at, slope;  // the slopes by the table's own steps
+  };
+  std::array<Node, kNodes> nodes_;
 };
-
-double Phi(double x) { return 0.5 * std::erfc(-x * std::numbers::sqrt2 / 2); }
-double Density(double x) { return std::exp(-0.5 * x * x) / std::sqrt(2 * std::numbers::pi); }
 
 // A step from 0 to 1 at d = 0, blurred by a Gaussian of standard deviation s and averaged over a pixel. The pixel's
 // extent along any direction has the variance of a unit interval, which stands for it here.
 struct Step {
   double value, by_d, by_s;
 };
-
-// Steps of one s by a table over d: cubic Hermite interpolation, whose error is below 1e-7 (of a step of 1).
-// A tag's pixels ask for tens of thousands of them with the same s.
-class StepTable {
+class BlurredStep {
  public:
-  explicit StepTable(double s) : reach_(6 * s + 0.5), per_d_(kPerSigma / s) {
-    const int count = static_cast<int>(std::ceil(2 * reach_ * per_d_)) + 1;
-    nodes_.reserve(count);
-    for (int i = 0; i < count; ++i) {
-      const double d = i / per_d_ - reach_, a = (d + 0.5) / s, b = (d - 0.5) / s;
-      const double pa = Phi(a), pb = Phi(b), da = Density(a), db = Density(b);
-      // The derivatives by d are those of the table's own steps.
-      const double h = 1 / per_d_;
-      nodes_.push_back({{s * (a * pa + da - b * pb - db), pa - pb, da - db},
-                        {h * (pa - pb), h * (da - db) / s, h * (b * db - a * da) / s}});
-    }
-  }
-  double reach() const { return 5 * (reach_ - 0.5) / 6 + 0.5; }
+  explicit BlurredStep(double s) : table_(NormalTable::Get()), s_(s), per_s_(1 / s) {}
+  double Reach() const { return 5 * s_ + 0.5; }
   Step At(double d) const {
-    const double at = (d + reach_) * per_d_;
-    if (at <= 0) return {0, 0, 0};
-    const auto i = static_cast<size_t>(at);
-    if (i + 1 >= nodes_.size()) return {1, 0, 0};
-    const Node &l = nodes_[i], &r = nodes_[i + 1];
-    const double t = at - static_cast<double>(i), u = 1 - t;
-    const double l0 = u * u * (1 + 2 * t), r0 = t * t * (3 - 2 * t), l1 = t * u * u, r1 = -t * t * u;
-    return {l0 * l.at.value + l1 * l.slope.value + r0 * r.at.value + r1 * r.slope.value,
-            l0 * l.at.by_d + l1 * l.slope.by_d + r0 * r.at.by_d + r1 * r.slope.by_d,
-            l0 * l.at.by_s + l1 * l.slope.by_s + r0 * r.at.by_s + r1 * r.slope.by_s};
+    const double a = (d + 0.5) * per_s_, b = (d - 0.5) * per_s_;
+    const NormalTable::Value at_a = table_.At(a), at_b = table_.At(b);
+    return {s_ * (a * at_a.phi - b * at_b.phi + at_a.density - at_b.density), at_a.phi - at_b.phi,
+            at_a.density - at_b.density};
   }
 
  private:
-  static constexpr double kPerSigma = 32;
-  struct Node {
-    Step at, slope;
-  };
-  double reach_, per_d_;
-  std::vector<Node> nodes_;
+  const NormalTable& table_;
+  double s_, per_s_;
 };
+
+// Within bounds, `least` for what is not a number. Without SSE4.1, std::floor is a call of the library.
+int Floor(double x, int least, int most) {
+  const double bounded = std::min(std::max<double>(least, x), static_cast<double>(most));
+  const int whole = static_cast<int>(bounded);
+  return whole - (bounded < whole ? 1 : 0);
+}
 
 // A picture's tone curve between a tag's black and its white: light is mixed by lens and pixel, and encoded afterwards,
 // as (share of light)^(1 / gamma). Where half of a pixel is white its grey value is far above the middle, which draws
@@ -223,7 +233,7 @@ struct Sample {
   double grey;
   int x, y;
   bool is_edge = false;
-  double residual = 0;      // grey values, of the last look at it
+  double residual = 0;      // grey values, of the last evaluation
   bool looks_edge = false;  // then
 };
 
@@ -274,11 +284,11 @@ class Fit {
     x[kGamma] = kGammaMean;
     CollectSamples(x);
     if (samples_.size() < 3 * kUnknowns) return "too few pixels of the tag are in the picture";
-    if (!SolveLevels(&x)) return "no contrast";
     // Most of the way a part of the pixels shows as well as all of them.
-    const size_t stride = std::min(kMostStride, samples_.size() / (kEnough * kUnknowns));
+    const size_t stride = std::clamp<size_t>(samples_.size() / (kEnough * kUnknowns), 1, kMostStride);
+    for (size_t i = 0; i < samples_.size(); i += stride) used_.push_back(samples_[i]);
+    if (!SolveLevels(&x)) return "no contrast";
     if (stride > 1) {
-      for (size_t i = 0; i < samples_.size(); i += stride) used_.push_back(samples_[i]);
       Unknowns near = x;
       if (Iterate(kNearPx, &near, &out->iterations).empty() && CornerMotion(x, near) < MostMotion()) x = near;
     }
@@ -288,44 +298,43 @@ class Fit {
     return Finish(x, out);
   }
 
-  // Levenberg-Marquardt until no corner moves by more than the tolerance.
+  // Levenberg-Marquardt until no corner moves by more than the tolerance. If it converges, the last evaluation is that
+  // of the result.
   std::string Iterate(double tolerance_px, Unknowns* x, int* iterations) {
-    Normal a;
-    Unknowns b;
-    sigmas_ = {1e9, 1e9};  // the first round only finds the scale of the robust loss
-    Accumulate(*x, &a, &b);
+    Evaluate(*x);
     Sort();
     sigmas_ = RobustSigmas();
-    double cost = Accumulate(*x, &a, &b), lambda = 1e-3, motion = 1e9;
+    System system = SystemAt(*x);
+    double cost = CostAt(*x), lambda = 1e-3, motion = 1e9;
     for (int i = 0; i < kMaxIterations; ++i, ++*iterations) {
-      Normal damped = a;
+      Normal damped = system.a;
       damped.diagonal() *= 1 + lambda;
       damped.diagonal().array() += 1e-12;
-      const Unknowns next = Within(damped, b, *x);
+      const Unknowns next = Within(damped, system.b, *x);
       if (!next.allFinite()) return "singular fit";
-      Normal a_next;
-      Unknowns b_next;
-      const double cost_next = Accumulate(next, &a_next, &b_next);
+      Evaluate(next);
+      const double cost_next = CostAt(next);
       motion = CornerMotion(*x, next);
-      if (cost_next >= cost) {
-        // No descent left: what the step costs is far below the noise.
-        if (motion < 0.1 * tolerance_px || cost_next - cost < kNoCost * sigmas_[0] * sigmas_[0]) return {};
-        lambda *= 5;
+      if (!(cost_next < cost)) {
+        // No descent left: what the step moves or costs is far below the noise.
+        if (motion < 5 * tolerance_px || cost_next - cost < kNoCost * sigmas_[0] * sigmas_[0]) {
+          Evaluate(*x);
+          return {};
+        }
+        lambda = std::max(10 * lambda, 1e-2);
         continue;
       }
       *x = next;
-      a = a_next;
-      b = b_next;
       cost = cost_next;
       lambda = std::max(lambda * 0.1, 1e-7);
-      const Eigen::Array2d sigmas = RobustSigmas();
-      if (i < 5 && ((sigmas - sigmas_).abs() > 0.1 * sigmas_).any()) {  // the scale follows the fit, at first
+      if (i < 5 && ((RobustSigmas() - sigmas_).abs() > 0.1 * sigmas_).any()) {  // the scale follows the fit, at first
         Sort();
         sigmas_ = RobustSigmas();
-        cost = Accumulate(*x, &a, &b);
+        cost = CostAt(*x);
       } else if (motion < tolerance_px) {
         return {};
       }
+      system = SystemAt(*x);
     }
     return motion < 0.02 ? "" : "no convergence";
   }
@@ -360,17 +369,33 @@ class Fit {
 
   Eigen::Vector2d Normalised(const Eigen::Vector2d& p) const { return (p - centre_) / radius_; }
 
+  // Whether all cells within `reach` of a place have one colour, that of the pattern.
+  bool IsFlat(double s, double t, double reach) const {
+    const auto cell = [&](double at) { return Floor(at + pattern_.margin, -1, pattern_.total); };
+    const int left = cell(s - reach), right = cell(s + reach), top = cell(t - reach), bottom = cell(t + reach);
+    if (std::min(left, top) < 0 || std::max(right, bottom) >= pattern_.total) return false;
+    for (int row = top; row <= bottom; ++row) {
+      for (int column = left; column <= right; ++column) {
+        if (pattern_.At(row, column) != pattern_.At(top, left)) return false;
+      }
+    }
+    return true;
+  }
+
   // The pixels that carry information: the tag with its white margin, or for big tags a band along the outer edges.
   void CollectSamples(const Unknowns& x) {
     const bool all = cell_px_ < kAllCellsBelowPx;
     constexpr double kBandCells = 2;
+    const double w = pattern_.width, outer = std::max(1, pattern_.margin);
     Eigen::Vector2d low = start_[0], high = start_[0];
-    for (const Eigen::Vector2d& c : start_) low = low.cwiseMin(c), high = high.cwiseMax(c);
-    const double pad = 3 * cell_px_ * (pattern_.margin + 1);
+    for (const Eigen::Vector2d& c : PlaneCorners(x, outer)) {
+      const std::optional<Eigen::Vector2d> pixel = plane_.ToPixel(centre_ + radius_ * c);
+      if (pixel) low = low.cwiseMin(*pixel), high = high.cwiseMax(*pixel);
+    }
+    const double pad = cell_px_;  // a lens bends the edges of the margin
     const int x0 = std::max(0, static_cast<int>(low.x() - pad)), y0 = std::max(0, static_cast<int>(low.y() - pad));
     const int x1 = std::min(grey_.cols - 1, static_cast<int>(high.x() + pad));
     const int y1 = std::min(grey_.rows - 1, static_cast<int>(high.y() + pad));
-    const double w = pattern_.width, outer = std::max(1, pattern_.margin);
     for (int v = y0; v <= y1; ++v) {
       for (int u = x0; u <= x1; ++u) {
         const auto p = plane_.FromPixel({static_cast<double>(u), static_cast<double>(v)});
@@ -382,9 +407,8 @@ class Fit {
         const double t = (x[3] * q.x() + x[4] * q.y() + x[5]) / denominator;
         if (s < -outer || t < -outer || s > w + outer || t > w + outer) continue;
         if (!all && std::min({s, t, w - s, w - t}) > kBandCells) continue;
-        // Pixels away from all lines of the grid tell about levels only: a quarter of them will do.
-        const double to_line = std::min(std::abs(s - std::round(s)), std::abs(t - std::round(t))) * cell_px_;
-        if (to_line > 3 && ((u + 2 * v) & 3) != 0) continue;
+        // Pixels away from all edges show only the levels: a quarter of them is enough.
+        if (((u + 2 * v) & 3) != 0 && IsFlat(s, t, kFlatPx / cell_px_)) continue;
         samples_.push_back({q, static_cast<double>(grey_.at<unsigned char>(v, u)), u, v});
       }
     }
@@ -394,8 +418,7 @@ class Fit {
   // contrast that the tone curve makes of it, and the weight of what lies beyond each side of the white margin, whose
   // brightness is not known.
   struct Prediction {
-    double u, v, denominator;
-    Eigen::Vector2d grad_u, grad_v;  // by normalised plane coordinates
+    double u, v, per_denominator;
     double white = 0, white_by_u = 0, white_by_v = 0, white_by_s = 0;
     double slope = 0;  // of white, per pixel
     std::array<double, 4> beyond{};
@@ -405,16 +428,17 @@ class Fit {
   static double BlurOf(const Unknowns& x) { return std::sqrt(kLeastBlur * kLeastBlur + x[kBlur]); }
   static ToneCurve CurveOf(const Unknowns& x) { return {x[kGamma], x[kLevel], x[kLevel] + x[kLevel + 3]}; }
 
-  Prediction Predict(const Unknowns& x, const ToneCurve& curve, const StepTable& steps,
+  Prediction Predict(const Unknowns& x, const ToneCurve& curve, const BlurredStep& steps,
                      const Eigen::Vector2d& q) const {
     Prediction p;
-    p.denominator = x[6] * q.x() + x[7] * q.y() + 1;
-    p.u = (x[0] * q.x() + x[1] * q.y() + x[2]) / p.denominator;
-    p.v = (x[3] * q.x() + x[4] * q.y() + x[5]) / p.denominator;
-    p.grad_u = Eigen::Vector2d(x[0] - p.u * x[6], x[1] - p.u * x[7]) / p.denominator;
-    p.grad_v = Eigen::Vector2d(x[3] - p.v * x[6], x[4] - p.v * x[7]) / p.denominator;
-    const double px_per_u = radius_ / std::max(p.grad_u.norm(), 1e-9);
-    const double px_per_v = radius_ / std::max(p.grad_v.norm(), 1e-9);
+    p.per_denominator = 1 / (x[6] * q.x() + x[7] * q.y() + 1);
+    p.u = (x[0] * q.x() + x[1] * q.y() + x[2]) * p.per_denominator;
+    p.v = (x[3] * q.x() + x[4] * q.y() + x[5]) * p.per_denominator;
+    const auto px_per_cell = [&](double by_x, double by_y) {
+      return radius_ / std::max(std::sqrt(by_x * by_x + by_y * by_y) * std::abs(p.per_denominator), 1e-9);
+    };
+    const double px_per_u = px_per_cell(x[0] - p.u * x[6], x[1] - p.u * x[7]);
+    const double px_per_v = px_per_cell(x[3] - p.v * x[6], x[4] - p.v * x[7]);
     std::array<Weight, 32> wu, wv;
     const int nu = CellWeights(p.u, px_per_u, steps, &wu), nv = CellWeights(p.v, px_per_v, steps, &wv);
     const int n = pattern_.total;
@@ -444,11 +468,13 @@ class Fit {
         white.by_s += wu[j].by_s;
       }
       p.white += wv[i].value * white.value;
-      p.white_by_u += wv[i].value * white.by_d * px_per_u;
-      p.white_by_v += wv[i].by_d * white.value * px_per_v;
+      p.white_by_u += wv[i].value * white.by_d;
+      p.white_by_v += wv[i].by_d * white.value;
       p.white_by_s += wv[i].by_s * white.value + wv[i].value * white.by_s;
     }
-    p.slope = std::hypot(p.white_by_u / px_per_u, p.white_by_v / px_per_v);
+    p.slope = std::sqrt(p.white_by_u * p.white_by_u + p.white_by_v * p.white_by_v);
+    p.white_by_u *= px_per_u;
+    p.white_by_v *= px_per_v;
     p.tone = curve.At(p.white);
     return p;
   }
@@ -459,11 +485,11 @@ class Fit {
     int cell;
     double value, by_d, by_s;
   };
-  int CellWeights(double t, double px_per_cell, const StepTable& steps, std::array<Weight, 32>* weights) const {
-    const double reach = steps.reach() / px_per_cell;
+  int CellWeights(double t, double px_per_cell, const BlurredStep& steps, std::array<Weight, 32>* weights) const {
+    const double reach = steps.Reach() / px_per_cell;
     const int lowest = -pattern_.margin, highest = pattern_.width + pattern_.margin;  // boundaries
-    int first = std::clamp(static_cast<int>(std::ceil(t - reach)), lowest, highest + 1);
-    int last = std::clamp(static_cast<int>(std::floor(t + reach)), lowest - 1, highest);
+    const int first = -Floor(reach - t, -highest - 1, -lowest);
+    int last = Floor(t + reach, lowest - 1, highest);
     if (last - first > 29) last = first + 29;
     int n = 0;
     Step before{1, 0, 0};  // of the boundary left of the current cell
@@ -489,8 +515,8 @@ class Fit {
     Eigen::Matrix<double, kLevels, kLevels> a = Eigen::Matrix<double, kLevels, kLevels>::Zero();
     Eigen::Matrix<double, kLevels, 1> b = Eigen::Matrix<double, kLevels, 1>::Zero();
     const ToneCurve curve((*x)[kGamma], 0, 255);  // levels are not known yet
-    const StepTable steps(BlurOf(*x));
-    for (const Sample& sample : samples_) {
+    const BlurredStep steps(BlurOf(*x));
+    for (const Sample& sample : used_) {
       const auto row = Levels(Predict(*x, curve, steps, sample.plane));
       a += row * row.transpose();
       b += row * sample.grey;
@@ -523,60 +549,78 @@ class Fit {
     for (Sample& s : used_) s.is_edge = s.looks_edge;
   }
 
-  // Huber cost and its Gauss-Newton system a * step = b at x; `scatter`: sum of the gradients' squares.
-  double Accumulate(const Unknowns& x, Normal* a, Unknowns* b, Normal* scatter = nullptr) {
-    NormalSum sum, squares;
-    b->setZero();
-    double cost = 0;
+  // Residuals at x, their kinds and derivatives.
+  void Evaluate(const Unknowns& x) {
     const double w = 0.5 * pattern_.width;
     const ToneCurve curve = CurveOf(x);
     const double blur = BlurOf(x);
-    const StepTable steps(blur);
-    for (Sample& sample : used_) {
+    const BlurredStep steps(blur);
+    derivatives_.resize(Eigen::NoChange, static_cast<Eigen::Index>(used_.size()));
+    for (size_t i = 0; i < used_.size(); ++i) {
+      Sample& sample = used_[i];
       const Eigen::Vector2d& q = sample.plane;
       const Prediction p = Predict(x, curve, steps, q);
       const Eigen::Matrix<double, kLevels, 1> levels = Levels(p);
       const auto c = x.tail<kLevels>();
-      const double r = levels.dot(c) - sample.grey;
       const double contrast = c[3] + c[4] * levels[1] + c[5] * levels[2];
       const double by_white = contrast * p.tone.by_f;
       const double by_u = by_white * p.white_by_u + (c[1] + c[4] * p.tone.value) / w;
       const double by_v = by_white * p.white_by_v + (c[2] + c[5] * p.tone.value) / w;
       Unknowns j;
-      const double d = 1 / p.denominator, k = -(by_u * p.u + by_v * p.v) * d;
+      const double d = p.per_denominator, k = -(by_u * p.u + by_v * p.v) * d;
       j.head<kGeometry>() << by_u * q.x() * d, by_u * q.y() * d, by_u * d, by_v * q.x() * d, by_v * q.y() * d, by_v * d,
           k * q.x(), k * q.y();
       j[kBlur] = by_white * p.white_by_s / (2 * blur);
       j[kGamma] = contrast * p.tone.by_gamma;
       j.tail<kLevels>() = levels;
-      sample.residual = r;
+      derivatives_.col(static_cast<Eigen::Index>(i)) = j.cast<float>();
+      sample.residual = levels.dot(c) - sample.grey;
       sample.looks_edge = p.slope * std::abs(by_white) > kEdge * std::abs(c[3]);
-      const double sigma = SigmaOf(sample), size = std::abs(r) / sigma;
-      const double weight = size > kKnee ? kKnee / size : 1.0;
-      cost += sigma * sigma * (size > kKnee ? 2 * kKnee * size - kKnee * kKnee : size * size);
-      sum.Add(j, weight);
-      *b += weight * r * j;
-      if (scatter != nullptr) squares.Add(j, weight * weight * r * r);
     }
-    *a = sum.Sum();
-    if (scatter != nullptr) *scatter = squares.Sum();
-    const double prior = sigmas_[0] / kGammaSigma, off = x[kGamma] - kGammaMean;
-    (*a)(kGamma, kGamma) += prior * prior;
-    (*b)[kGamma] += prior * prior * off;
-    cost += prior * prior * off * off;
+  }
+
+  // Of the last evaluation, which was at x: the Huber cost.
+  double CostAt(const Unknowns& x) const {
+    double cost = std::pow(sigmas_[0] / kGammaSigma * (x[kGamma] - kGammaMean), 2);
+    for (const Sample& s : used_) {
+      const double sigma = SigmaOf(s), size = std::abs(s.residual) / sigma;
+      cost += sigma * sigma * (size > kKnee ? 2 * kKnee * size - kKnee * kKnee : size * size);
+    }
     return cost;
+  }
+  // And its Gauss-Newton system a * step = b.
+  struct System {
+    Normal a;
+    Unknowns b;
+  };
+  System SystemAt(const Unknowns& x) const {
+    Eigen::VectorXf roots(used_.size()), pulls(used_.size());
+    for (size_t i = 0; i < used_.size(); ++i) {
+      const double limit = kKnee * SigmaOf(used_[i]), r = used_[i].residual;
+      roots[i] = static_cast<float>(std::sqrt(std::min(1.0, limit / std::max(std::abs(r), 1e-9))));
+      pulls[i] = static_cast<float>(std::clamp(r, -limit, limit));
+    }
+    System out{SumOfProducts(derivatives_, roots), (derivatives_ * pulls).cast<double>()};
+    const double prior = std::pow(sigmas_[0] / kGammaSigma, 2);
+    out.a(kGamma, kGamma) += prior;
+    out.b[kGamma] += prior * (x[kGamma] - kGammaMean);
+    return out;
   }
 
   // Of a corner, px: the first guess may be half a cell or a pixel off; more than that is another edge.
   double MostMotion() const { return std::max(1.5, 0.6 * cell_px_); }
 
-  // Corners in normalised plane coordinates.
-  std::array<Eigen::Vector2d, 4> PlaneCorners(const Unknowns& x) const {
+  // Corners in normalised plane coordinates, of the square that is wider by so many cells on each side.
+  std::array<Eigen::Vector2d, 4> PlaneCorners(const Unknowns& x, double wider = 0) const {
     Eigen::Matrix3d h;
     h << x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], 1;
     const Eigen::Matrix3d inverse = h.inverse();
     std::array<Eigen::Vector2d, 4> out;
-    for (int k = 0; k < 4; ++k) out[k] = (inverse * tag_corners_[k].homogeneous()).hnormalized();
+    for (int k = 0; k < 4; ++k) {
+      const Eigen::Vector2d corner =
+          tag_corners_[k].array() + wider * (tag_corners_[k].array() - 0.5 * pattern_.width).sign();
+      out[k] = (inverse * corner.homogeneous()).hnormalized();
+    }
     return out;
   }
 
@@ -592,28 +636,25 @@ class Fit {
   double PixelsPerObservation() const {
     double square = 0, along_x = 0, along_y = 0;
     int nx = 0, ny = 0;
-    std::vector<std::pair<std::pair<int, int>, double>> by_place;
-    by_place.reserve(used_.size());
     constexpr double kLimit = 4;
-    for (size_t i = 0; i < used_.size(); ++i) {
-      const double r = std::clamp(used_[i].residual / SigmaOf(used_[i]), -kLimit, kLimit);
+    const auto size = [&](const Sample& s) { return std::clamp(s.residual / SigmaOf(s), -kLimit, kLimit); };
+    const auto is_at = [&](size_t i, int x, int y) { return i < used_.size() && used_[i].x == x && used_[i].y == y; };
+    size_t below = 0;
+    for (size_t i = 0; i < used_.size(); ++i) {  // samples are in row order
+      const int x = used_[i].x, y = used_[i].y;
+      const double r = size(used_[i]);
       square += r * r;
-      by_place.push_back({{used_[i].y, used_[i].x}, r});
-    }
-    for (size_t i = 0; i < by_place.size(); ++i) {  // samples are in row order
-      const auto [place, r] = by_place[i];
-      if (i + 1 < by_place.size() && by_place[i + 1].first == std::pair(place.first, place.second + 1)) {
-        along_x += r * by_place[i + 1].second;
+      if (is_at(i + 1, x + 1, y)) {
+        along_x += r * size(used_[i + 1]);
         ++nx;
       }
-      const auto below = std::lower_bound(by_place.begin() + i, by_place.end(),
-                                          std::pair(std::pair(place.first + 1, place.second), -1e300));
-      if (below != by_place.end() && below->first == std::pair(place.first + 1, place.second)) {
-        along_y += r * below->second;
+      while (below < used_.size() && std::pair(used_[below].y, used_[below].x) < std::pair(y + 1, x)) ++below;
+      if (is_at(below, x, y + 1)) {
+        along_y += r * size(used_[below]);
         ++ny;
       }
     }
-    const double variance = square / std::max<size_t>(1, by_place.size());
+    const double variance = square / static_cast<double>(std::max<size_t>(1, used_.size()));
     if (variance <= 0 || nx == 0 || ny == 0) return 1;
     const double rx = std::clamp(along_x / nx / variance, 0.0, 0.9);
     const double ry = std::clamp(along_y / ny / variance, 0.0, 0.9);
@@ -627,9 +668,12 @@ class Fit {
     if (out->contrast < 8) return "contrast below 8 grey values";
     // Sandwich form (White 1980): what the model lacks sits at the edges, where the corners come from, so that one
     // variance for all pixels would be too good.
-    Normal a, scatter;
-    Unknowns unused;
-    Accumulate(x, &a, &unused, &scatter);
+    Eigen::VectorXf pulls(used_.size());
+    for (size_t i = 0; i < used_.size(); ++i) {
+      const double limit = kKnee * SigmaOf(used_[i]);
+      pulls[i] = static_cast<float>(std::clamp(used_[i].residual, -limit, limit));
+    }
+    const Normal a = SystemAt(x).a, scatter = SumOfProducts(derivatives_, pulls);
     out->residual = AllSigma();
     double square = 0;
     for (const Sample& s : used_) square += std::pow(std::min(std::abs(s.residual), 5 * SigmaOf(s)), 2);
@@ -674,6 +718,7 @@ class Fit {
   Eigen::Array2d sigmas_ = {1, 1};  // see RobustSigmas
   std::vector<Sample> samples_;     // all pixels
   std::vector<Sample> used_;        // those of the present fit
+  Columns derivatives_;             // of their residuals, of the last evaluation
 };
 
 }  // namespace
