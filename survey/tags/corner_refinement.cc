@@ -19,6 +19,7 @@ constexpr int kLevels = 10;            // see Levels()
 constexpr int kBlur = kGeometry;       // position of the blur among the unknowns
 constexpr int kGamma = kGeometry + 1;  // of the exponent of the tone curve
 constexpr int kLevel = kGeometry + 2;  // of the first level
+constexpr int kBeyond = kLevel + 6;    // of the level beyond the first side
 constexpr int kUnknowns = kLevel + kLevels;
 constexpr int kMaxIterations = 30;
 constexpr double kKnee = 2.5;  // of the Huber loss, in robust sigmas
@@ -35,6 +36,19 @@ constexpr size_t kMostStride = 7, kEnough = 20;  // of pixels left out at first;
 constexpr double kLeastBlur = 0.2, kMostBlur = 10;
 // The exponent's prior: between a linear picture (1) and a display's (2.2), wide enough for the picture to decide.
 constexpr double kGammaMean = 1.6, kGammaSigma = 1.0, kGammaMin = 0.7, kGammaMax = 3.5;
+// That of what lies beyond the margin, in grey values above black. Where the pixels see but a trace of it, they would
+// put it at thousands of grey values.
+constexpr double kBeyondMean = 128, kBeyondSigma = 100;
+constexpr double kNoise = 10;  // grey values, before it is known
+struct Prior {
+  int unknown;
+  double mean, sigma;
+};
+constexpr std::array<Prior, 5> kPriors{{{kGamma, kGammaMean, kGammaSigma},
+                                        {kBeyond, kBeyondMean, kBeyondSigma},
+                                        {kBeyond + 1, kBeyondMean, kBeyondSigma},
+                                        {kBeyond + 2, kBeyondMean, kBeyondSigma},
+                                        {kBeyond + 3, kBeyondMean, kBeyondSigma}}};
 // A picture's curve is steep at black but not vertical: the least share of white's light that black is taken to have.
 constexpr double kLeastBlack = 2e-3;
 // Above this size of a cell only the outer ring of cells is used: it carries enough, and a sheet that is not quite
@@ -107,6 +121,7 @@ class NormalTable {
 // extent along any direction has the variance of a unit interval, which stands for it here.
 struct Step {
   double value, by_d, by_s;
+  void Add(const Step& other) { value += other.value, by_d += other.by_d, by_s += other.by_s; }
 };
 class BlurredStep {
  public:
@@ -305,7 +320,7 @@ class Fit {
     Sort();
     sigmas_ = RobustSigmas();
     System system = SystemAt(*x);
-    double cost = CostAt(*x), lambda = 1e-3, motion = 1e9;
+    double cost = CostAt(*x), lambda = 1e-3, motion = 1e9, motion_before = 0;
     for (int i = 0; i < kMaxIterations; ++i, ++*iterations) {
       Normal damped = system.a;
       damped.diagonal() *= 1 + lambda;
@@ -322,6 +337,7 @@ class Fit {
           return {};
         }
         lambda = std::max(10 * lambda, 1e-2);
+        motion_before = 0;
         continue;
       }
       *x = next;
@@ -331,9 +347,10 @@ class Fit {
         Sort();
         sigmas_ = RobustSigmas();
         cost = CostAt(*x);
-      } else if (motion < tolerance_px) {
-        return {};
+      } else if (motion < tolerance_px || motion * motion < tolerance_px * (motion_before - motion)) {
+        return {};  // steps shrink at an even rate: the second condition bounds the sum of those that would follow
       }
+      motion_before = motion;
       system = SystemAt(*x);
     }
     return motion < 0.02 ? "" : "no convergence";
@@ -422,6 +439,7 @@ class Fit {
     double white = 0, white_by_u = 0, white_by_v = 0, white_by_s = 0;
     double slope = 0;  // of white, per pixel
     std::array<double, 4> beyond{};
+    double beyond_by_u = 0, beyond_by_v = 0, beyond_by_s = 0;  // of what it adds, grey values
     Tone tone{};
   };
 
@@ -442,35 +460,38 @@ class Fit {
     std::array<Weight, 32> wu, wv;
     const int nu = CellWeights(p.u, px_per_u, steps, &wu), nv = CellWeights(p.v, px_per_v, steps, &wv);
     const int n = pattern_.total;
-    double inside_u = 0;  // of the pixel along its row
+    const auto outside = [&](int side, const Step& along_u, const Step& along_v) {
+      const double level = x[kBeyond + side];
+      p.beyond[side] += along_u.value * along_v.value;
+      p.beyond_by_u += level * along_u.by_d * along_v.value * px_per_u;
+      p.beyond_by_v += level * along_u.value * along_v.by_d * px_per_v;
+      p.beyond_by_s += level * (along_u.by_s * along_v.value + along_u.value * along_v.by_s);
+    };
+    Step inside{0, 0, 0};  // of the pixel along its row
     for (int j = 0; j < nu; ++j) {
       const int column = wu[j].cell + pattern_.margin;
-      if (column < 0) {
-        p.beyond[3] += wu[j].value;
-      } else if (column >= n) {
-        p.beyond[1] += wu[j].value;
+      if (column >= 0 && column < n) {
+        inside.Add(wu[j].share);
       } else {
-        inside_u += wu[j].value;
+        outside(column < 0 ? 3 : 1, wu[j].share, {1, 0, 0});
       }
     }
     for (int i = 0; i < nv; ++i) {
       const int row = wv[i].cell + pattern_.margin;
+      const Step& share = wv[i].share;
       if (row < 0 || row >= n) {
-        p.beyond[row < 0 ? 2 : 0] += wv[i].value * inside_u;
+        outside(row < 0 ? 2 : 0, inside, share);
         continue;
       }
       Step white{0, 0, 0};  // along this row of cells
       for (int j = 0; j < nu; ++j) {
         const int column = wu[j].cell + pattern_.margin;
-        if (column < 0 || column >= n || !pattern_.At(row, column)) continue;
-        white.value += wu[j].value;
-        white.by_d += wu[j].by_d;
-        white.by_s += wu[j].by_s;
+        if (column >= 0 && column < n && pattern_.At(row, column)) white.Add(wu[j].share);
       }
-      p.white += wv[i].value * white.value;
-      p.white_by_u += wv[i].value * white.by_d;
-      p.white_by_v += wv[i].by_d * white.value;
-      p.white_by_s += wv[i].by_s * white.value + wv[i].value * white.by_s;
+      p.white += share.value * white.value;
+      p.white_by_u += share.value * white.by_d;
+      p.white_by_v += share.by_d * white.value;
+      p.white_by_s += share.by_s * white.value + share.value * white.by_s;
     }
     p.slope = std::sqrt(p.white_by_u * p.white_by_u + p.white_by_v * p.white_by_v);
     p.white_by_u *= px_per_u;
@@ -483,7 +504,7 @@ class Fit {
   // width + margin stand for everything beyond the pattern.
   struct Weight {
     int cell;
-    double value, by_d, by_s;
+    Step share;
   };
   int CellWeights(double t, double px_per_cell, const BlurredStep& steps, std::array<Weight, 32>* weights) const {
     const double reach = steps.Reach() / px_per_cell;
@@ -495,7 +516,7 @@ class Fit {
     Step before{1, 0, 0};  // of the boundary left of the current cell
     for (int boundary = first; boundary <= last + 1; ++boundary) {
       const Step step = boundary <= last ? steps.At((t - boundary) * px_per_cell) : Step{0, 0, 0};
-      (*weights)[n++] = {boundary - 1, before.value - step.value, before.by_d - step.by_d, before.by_s - step.by_s};
+      (*weights)[n++] = {boundary - 1, {before.value - step.value, before.by_d - step.by_d, before.by_s - step.by_s}};
       before = step;
     }
     return n;
@@ -522,6 +543,9 @@ class Fit {
       b += row * sample.grey;
     }
     a.diagonal().array() += 1e-6;
+    const double prior = std::pow(kNoise / kBeyondSigma, 2);
+    a.diagonal().tail<4>().array() += prior;
+    b.tail<4>().array() += prior * kBeyondMean;
     x->tail<kLevels>() = a.ldlt().solve(b);
     return x->allFinite() && (*x)[kLevel + 3] > 5;  // bright minus dark
   }
@@ -564,13 +588,13 @@ class Fit {
       const auto c = x.tail<kLevels>();
       const double contrast = c[3] + c[4] * levels[1] + c[5] * levels[2];
       const double by_white = contrast * p.tone.by_f;
-      const double by_u = by_white * p.white_by_u + (c[1] + c[4] * p.tone.value) / w;
-      const double by_v = by_white * p.white_by_v + (c[2] + c[5] * p.tone.value) / w;
+      const double by_u = by_white * p.white_by_u + p.beyond_by_u + (c[1] + c[4] * p.tone.value) / w;
+      const double by_v = by_white * p.white_by_v + p.beyond_by_v + (c[2] + c[5] * p.tone.value) / w;
       Unknowns j;
       const double d = p.per_denominator, k = -(by_u * p.u + by_v * p.v) * d;
       j.head<kGeometry>() << by_u * q.x() * d, by_u * q.y() * d, by_u * d, by_v * q.x() * d, by_v * q.y() * d, by_v * d,
           k * q.x(), k * q.y();
-      j[kBlur] = by_white * p.white_by_s / (2 * blur);
+      j[kBlur] = (by_white * p.white_by_s + p.beyond_by_s) / (2 * blur);
       j[kGamma] = contrast * p.tone.by_gamma;
       j.tail<kLevels>() = levels;
       derivatives_.col(static_cast<Eigen::Index>(i)) = j.cast<float>();
@@ -581,7 +605,8 @@ class Fit {
 
   // Of the last evaluation, which was at x: the Huber cost.
   double CostAt(const Unknowns& x) const {
-    double cost = std::pow(sigmas_[0] / kGammaSigma * (x[kGamma] - kGammaMean), 2);
+    double cost = 0;
+    for (const Prior& p : kPriors) cost += std::pow(sigmas_[0] / p.sigma * (x[p.unknown] - p.mean), 2);
     for (const Sample& s : used_) {
       const double sigma = SigmaOf(s), size = std::abs(s.residual) / sigma;
       cost += sigma * sigma * (size > kKnee ? 2 * kKnee * size - kKnee * kKnee : size * size);
@@ -601,9 +626,11 @@ class Fit {
       pulls[i] = static_cast<float>(std::clamp(r, -limit, limit));
     }
     System out{SumOfProducts(derivatives_, roots), (derivatives_ * pulls).cast<double>()};
-    const double prior = std::pow(sigmas_[0] / kGammaSigma, 2);
-    out.a(kGamma, kGamma) += prior;
-    out.b[kGamma] += prior * (x[kGamma] - kGammaMean);
+    for (const Prior& p : kPriors) {
+      const double weight = std::pow(sigmas_[0] / p.sigma, 2);
+      out.a(p.unknown, p.unknown) += weight;
+      out.b[p.unknown] += weight * (x[p.unknown] - p.mean);
+    }
     return out;
   }
 
