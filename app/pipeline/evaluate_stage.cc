@@ -158,7 +158,7 @@ StageInfo EvaluateStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<EvaluateStageOptions>(project, "evaluate", target);
     StageRequest request;
-    request.version = 15;
+    request.version = 16;
     request.options = JsonFromOptions(options);
     for (const char* table : {"stations.csv", "tags.yaml", "control_points.csv"}) {
       request.inputs.push_back(project.dir() / table);

@@ -325,14 +325,15 @@ void AddNotes(bool or_shifted, EstimateReport* r) {
                     r->time_offset->offset_s, r->time_offset->sigma_s, *r->rmse_with_offset_m, *r->rmse_m,
                     or_shifted ? "; a shift along its path, which is nearly straight, would explain this, too" : ""));
   }
+  // Our own poses are those of the camera in the site's frame: what fits better otherwise is the error that they share.
+  if (r->system.starts_with("trigpoint")) return;
   if (InAnotherFrame(*r)) {
     r->notes.push_back(
         fmt::format("it seems to be in another frame than the site's east, north, up: after a rigid fit "
                     "its RMSE is {:.3f} m instead of {:.3f} m; set alignment: se3 in system.yaml to fit "
                     "it",
                     *r->aligned_rmse_m, *r->rmse_m));
-  } else if (r->lever_arm && r->lever_arm->significant && !r->system.starts_with("trigpoint")) {
-    // Our own poses are those of the camera; what fits better there is the error that they share.
+  } else if (r->lever_arm && r->lever_arm->significant) {
     const LeverArm& a = *r->lever_arm;
     r->notes.push_back(
         fmt::format("its poses fit better as those of a point at ({:.3f}, {:.3f}, {:.3f}) m in the camera's axes: RMSE "

@@ -17,7 +17,9 @@
 namespace trigpoint {
 namespace {
 
+using ::testing::Each;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 constexpr double kSize = 0.5, kPixelSigma = 0.2, kTagSigma = 0.01, kTagRotSigma = 0.002;
 constexpr double kMotionRotDeg = 0.3, kMotionM = 0.02;
@@ -281,6 +283,11 @@ TEST(ScoreEstimate, FindsClockLeverArmFrameAndAbsence) {
   EXPECT_EQ(moved.attempts, 80);
   EXPECT_EQ(moved.rows[60].status, "absent");
   EXPECT_THAT(moved.notes.back(), HasSubstr("another frame"));
+  // Our own results are in the site's frame: what a rigid fit takes away is the error that their poses share.
+  const EstimateReport own =
+      ScoreEstimate("trigpoint/run1", "run1", other, reference.poses, drive.input.cameras, {}, {});
+  EXPECT_GT(*own.rmse_m, 5 * *own.aligned_rmse_m);
+  EXPECT_THAT(own.notes, Each(Not(HasSubstr("another frame"))));
   EXPECT_FALSE(moved.error_3d.p90_attempts);
   SystemConfig fitted;
   fitted.alignment = TrajectoryAlignment::kSE3;
