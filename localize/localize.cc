@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <tuple>
+#include <utility>
 
 #include "calib/base/counted.h"
 #include "calib/base/median.h"
@@ -17,6 +18,8 @@
 #include "calib/geometry/similarity.h"
 #include "localize/georegistration/gps_check.h"
 #include "localize/reconstruct/lens_check.h"
+#include "localize/references/align_views.h"
+#include "localize/references/determined.h"
 #include "localize/references/match_noise.h"
 #include "localize/references/mirrored.h"
 #include "localize/references/view_turns.h"
@@ -43,6 +46,8 @@ struct Task {
     return bundle;
   }
 };
+
+constexpr double kPoseUnknowns = 6;
 
 bool IsLocalized(const ReferenceAnswer& a) { return a.registration.status == AnswerStatus::kLocalized; }
 
@@ -83,9 +88,12 @@ void AddReferences(const std::vector<ReferenceViews>& references, const std::vec
   AddObservations(rows, r);
 }
 
+// Of an observation of a reference.
+size_t ReferenceOf(const Reconstruction& r, size_t k) { return static_cast<size_t>(-1 - r.image_of[k]); }
+
 // Whether an observation is one of the references taken.
 bool IsOf(const Reconstruction& r, size_t k, const std::vector<bool>& taken) {
-  return r.image_of[k] < 0 && taken[static_cast<size_t>(-1 - r.image_of[k])];
+  return r.image_of[k] < 0 && taken[ReferenceOf(r, k)];
 }
 
 // The matches of the references taken, with the probability of each to be true.
@@ -410,33 +418,117 @@ void HoldReferences(Localization* result) {
   }
 }
 
-// What is known of the noise of the references that joined the solution together.
-struct ReferenceNoise {
+// Matches of references that joined the solution together, and their noise.
+struct MatchGroup {
   std::vector<WeighedMatch> matches;
-  double unknowns;  // of their poses
-  double sigma_px;
+  double unknowns = 0;  // of their poses
+  double sigma_px = 0;
 };
 
-// Solved again with the noise that the references show: not less than that of the images' features, which are found in
-// the same way. How far points follow the references depends on it: in turns. `unknowns`: others that they determine.
-void SolveWithNoise(const Task& task, double unknowns, ReferenceNoise* noise, Reconstruction* r) {
-  constexpr int kRounds = 3;
-  constexpr double kSettled = 0.1, kMostNoise = 10;
-  BundleProblem& p = r->problem;
-  for (int round = 0; round < kRounds; ++round) {
-    const double shown = noise->sigma_px * MatchNoise(p, noise->matches, noise->unknowns + unknowns);
-    const double most = kMostNoise * task.options.registration.sigma_px;
-    const double factor = std::max(r->sigma_px, std::min(shown, most)) / noise->sigma_px;
-    noise->sigma_px *= factor;
-    for (const WeighedMatch& match : noise->matches) {
-      BearingObservation& o = p.observations[match.observation];
-      o.w /= static_cast<float>(factor);
-      o.active =
-          r->point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < task.options.registration.outlier_chi2;
-    }
-    r->summary = SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
-    if (std::abs(std::log(factor)) < kSettled) break;
+// References whose matches no longer fix them, as too few still fit the solution or their points have gone far away,
+// are left out of it: nothing would hold their poses.
+void LeaveOutUndetermined(double most_sigma_m, MatchGroup* group, Localization* result) {
+  Reconstruction& r = result->reconstruction;
+  std::map<size_t, std::vector<size_t>> observations;
+  for (const WeighedMatch& match : group->matches)
+    observations[ReferenceOf(r, match.observation)].push_back(match.observation);
+  for (const auto& [reference, its] : observations) {
+    ReferenceAnswer& answer = result->references[reference];
+    const auto pose = static_cast<size_t>(answer.pose);
+    if (LargestPositionSigma(r.problem.poses[pose], r.problem, its) <= most_sigma_m) continue;
+    answer.registration.status = AnswerStatus::kRejected;
+    answer.registration.reason = "the points that it sees do not fix its position in the solution of all";
+    answer.pose = answer.views.pose = -1;
+    r.problem.pose_constant[pose] = true;
+    for (const size_t k : its) r.problem.observations[k].active = false;
+    group->unknowns -= kPoseUnknowns;
   }
+  std::erase_if(group->matches, [&](const WeighedMatch& match) {
+    return result->references[ReferenceOf(r, match.observation)].pose < 0;
+  });
+}
+
+// Gives the matches the noise that they show: not less than that of the images' features, which are found in the same
+// way. Returns by how much it grew. `unknowns`: others that they determine.
+double UpdateNoise(const RegistrationOptions& options, double unknowns, MatchGroup* group, Reconstruction* r) {
+  constexpr double kMostNoise = 10;
+  BundleProblem& p = r->problem;
+  const double shown = group->sigma_px * MatchNoise(p, group->matches, group->unknowns + unknowns);
+  const double factor = std::max(r->sigma_px, std::min(shown, kMostNoise * options.sigma_px)) / group->sigma_px;
+  group->sigma_px *= factor;
+  for (const WeighedMatch& match : group->matches) {
+    BearingObservation& o = p.observations[match.observation];
+    o.w /= static_cast<float>(factor);
+    o.active = r->point_valid[static_cast<size_t>(o.point)] && SquaredError(p, o) < options.outlier_chi2;
+  }
+  return factor;
+}
+
+// Solved again with the noise that the references show. How far points follow the references depends on it: in turns.
+void SolveWithNoise(const Task& task, double unknowns, std::vector<MatchGroup>* groups, Localization* result) {
+  constexpr int kRounds = 3;
+  constexpr double kSettled = 0.1;
+  const RegistrationOptions& options = task.options.registration;
+  Reconstruction& r = result->reconstruction;
+  size_t matches = 0;
+  for (const MatchGroup& group : *groups) matches += group.matches.size();
+  for (int round = 0; round < kRounds; ++round) {
+    bool settled = true;
+    for (MatchGroup& group : *groups) {
+      if (group.matches.empty()) continue;
+      const double share = static_cast<double>(group.matches.size()) / static_cast<double>(matches);
+      settled &= std::abs(std::log(UpdateNoise(options, share * unknowns, &group, &r))) < kSettled;
+      LeaveOutUndetermined(options.max_sigma_m, &group, result);
+    }
+    r.summary = SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel);
+    if (settled) break;
+  }
+}
+
+// References that see the spots of points that the run's images show, by alignment, in place of features that were
+// found by themselves: these are left out where many are aligned. Such references are a group of their own, the second
+// one.
+void AlignWithImages(const Task& task, const std::vector<ReferenceViews>& references, const std::vector<bool>& taken,
+                     std::vector<MatchGroup>* groups, Localization* result) {
+  if (!task.input.view_pictures || !task.input.image_picture) return;
+  const int enough = 3 * task.options.registration.min_inliers;
+  Reconstruction& r = result->reconstruction;
+  std::vector<int> first_view(references.size(), -1), aligned(references.size(), 0);
+  for (size_t i = 0; i < references.size(); ++i) {
+    if (taken[i] && result->references[i].pose >= 0) first_view[i] = result->references[i].views.first;
+  }
+  const AlignedViews found =
+      AlignViews(task.input, references, first_view, r, task.threads, task.progress, task.cancel);
+  std::map<size_t, Eigen::Vector2f> pixel_of;  // of observations
+  for (size_t k = 0; k < found.observations.size(); ++k) {
+    pixel_of[found.observations[k]] = found.pixels[k];
+    ++aligned[ReferenceOf(r, found.observations[k])];
+  }
+  MatchGroup& as_found = groups->front();
+  MatchGroup by_pictures{{}, 0, as_found.sigma_px};
+  for (const int n : aligned) by_pictures.unknowns += n >= enough ? kPoseUnknowns : 0;
+  as_found.unknowns -= by_pictures.unknowns;
+  for (const WeighedMatch& match : std::exchange(as_found.matches, {})) {
+    BearingObservation& o = r.problem.observations[match.observation];
+    const size_t reference = ReferenceOf(r, match.observation);
+    const auto pixel = pixel_of.find(match.observation);
+    if (aligned[reference] < enough) {
+      as_found.matches.push_back(match);
+    } else if (pixel == pixel_of.end()) {
+      o.active = false;
+    } else {
+      const Camera& camera =
+          references[reference].rig.views[static_cast<size_t>(o.view - first_view[reference])].camera;
+      const Eigen::Vector2d px = pixel->second.cast<double>();
+      o.ray = camera.Unproject(px)->cast<float>();
+      o.w = (std::sqrt(match.weight) * camera.BearingSqrtInfo(px, by_pictures.sigma_px)).cast<float>();
+      by_pictures.matches.push_back(match);
+    }
+  }
+  groups->push_back(std::move(by_pictures));
+  task.progress.Log(LogLevel::kInfo,
+                    fmt::format("{} of {} observations of references aligned with the pictures of their points",
+                                found.observations.size(), found.tried));
 }
 
 // The panoramas taken by whom they are from: these are put together in the same way.
@@ -455,7 +547,7 @@ std::map<std::string, std::vector<RigViews>> PanoramasBySource(const std::vector
 
 // Panoramas whose views show themselves to be turned against each other.
 void TurnPanoramas(const Task& task, const std::vector<ReferenceViews>& references, const std::vector<bool>& taken,
-                   ReferenceNoise* noise, Localization* result) {
+                   std::vector<MatchGroup>* groups, Localization* result) {
   constexpr int kRounds = 4;
   constexpr double kSettled = 0.05;  // of the sigma
   Reconstruction& r = result->reconstruction;
@@ -470,7 +562,7 @@ void TurnPanoramas(const Task& task, const std::vector<ReferenceViews>& referenc
       SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
       const double before = turns.sigma_rad;
       turns = UpdateTurns(views, task.threads, task.cancel, &p);
-      SolveWithNoise(task, turns.unknowns, noise, &r);
+      SolveWithNoise(task, turns.unknowns, groups, result);
       if (std::abs(turns.sigma_rad - before) < kSettled * before) break;
     }
     task.progress.Log(LogLevel::kInfo,
@@ -485,11 +577,15 @@ void SolveWith(const Task& task, const std::vector<ReferenceViews>& references, 
                Localization* result) {
   Reconstruction& r = result->reconstruction;
   AddReferences(references, taken, task.options.registration.sigma_px, &result->references, &r);
+  std::vector<MatchGroup> groups = {{MatchesOf(result->references, taken, r), 0, task.options.registration.sigma_px}};
+  for (size_t i = 0; i < taken.size(); ++i)
+    groups.front().unknowns += taken[i] && result->references[i].pose >= 0 ? kPoseUnknowns : 0;
+  LeaveOutUndetermined(task.options.registration.max_sigma_m, &groups.front(), result);
   SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel);
-  ReferenceNoise noise{MatchesOf(result->references, taken, r), 0, task.options.registration.sigma_px};
-  for (size_t i = 0; i < taken.size(); ++i) noise.unknowns += taken[i] && result->references[i].pose >= 0 ? 6 : 0;
-  SolveWithNoise(task, 0, &noise, &r);
-  TurnPanoramas(task, references, taken, &noise, result);
+  SolveWithNoise(task, 0, &groups, result);
+  AlignWithImages(task, references, taken, &groups, result);
+  if (groups.size() > 1) SolveWithNoise(task, 0, &groups, result);
+  TurnPanoramas(task, references, taken, &groups, result);
 }
 
 // The stitched sets follow once `refine` has seen what the others say.

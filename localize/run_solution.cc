@@ -8,6 +8,8 @@
 namespace trigpoint {
 namespace {
 
+constexpr char kAligned[] = "aligned";  // among the counts: observations
+
 Solution WithImages(const LocalizeInput& input, const std::string& run, Reconstruction reconstruction) {
   Solution s;
   static_cast<Reconstruction&>(s) = std::move(reconstruction);
@@ -55,6 +57,7 @@ Solution SolutionOf(const LocalizeInput& input, const std::string& run, const st
               {"pairs_tried", reconstruction.pairs_tried},
               {"pairs_joined", reconstruction.pairs_joined},
               {"pairs_rejected", static_cast<double>(reconstruction.pairs_rejected.size())},
+              {kAligned, static_cast<double>(reconstruction.aligned)},
               {"loops_tried", loops.tried},
               {"loops_found", loops.found},
               {"loops_contradicting", loops.contradicting},
@@ -62,6 +65,10 @@ Solution SolutionOf(const LocalizeInput& input, const std::string& run, const st
               {"loops_merged_points", loops.merged_points},
               {"loops_correction_m", loops.correction_m}};
   return s;
+}
+
+bool HasAlignedPoints(const SolutionCounts& counts) {
+  return std::any_of(counts.begin(), counts.end(), [](const auto& c) { return c.first == kAligned && c.second > 0; });
 }
 
 Reconstruction ReconstructionOf(const LocalizeInput& input, Solution s) {

@@ -12,6 +12,8 @@ namespace trigpoint {
 // Of a run by itself. The reconstruction is given up: a long run has no room for it twice. Without covariances.
 Solution SolutionOf(const LocalizeInput& input, const std::string& run, const std::string& mode,
                     RunReconstruction reconstruction);
+// Whether the observations of its points are aligned with each other (reconstruct/patch_alignment.h).
+bool HasAlignedPoints(const SolutionCounts& counts);
 // The reconstruction of a solution that was made of this input. Throws InputError where the images are others.
 Reconstruction ReconstructionOf(const LocalizeInput& input, Solution solution);
 

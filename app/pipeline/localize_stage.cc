@@ -97,7 +97,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 32;
+    request.version = 33;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -142,6 +142,7 @@ StageInfo LocalizeStage() {
       Localization result = LocalizeAtItsLength(has_odometry, [&](double length) {
         Solution alone = ReadReconstruction(context.project, "localize", target);
         counts = alone.counts;
+        if (!HasAlignedPoints(counts)) job.input.view_pictures = nullptr;
         Reconstruction reconstruction = ReconstructionOf(job.input, std::move(alone));
         if (length != 1) ScaleReconstruction(length, &reconstruction);
         const WorldEvidence evidence =

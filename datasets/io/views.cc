@@ -90,6 +90,12 @@ cv::Mat ViewRenderer::Render(const cv::Mat& prepared, size_t view) const {
   return out;
 }
 
+std::shared_ptr<const ViewRenderer> RendererOfSize::Get(const ViewRig& rig, cv::Size panorama) {
+  const std::lock_guard lock(mutex_);
+  if (!last_ || !last_->Draws(rig, panorama)) last_ = std::make_shared<ViewRenderer>(rig, panorama);
+  return last_;
+}
+
 cv::Mat RenderView(const cv::Mat& panorama, const View& view) {
   ViewRig rig;
   rig.views.push_back(view);

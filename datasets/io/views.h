@@ -1,6 +1,7 @@
 // Rectilinear views of equirectangular panoramas (docs/method.md section 3).
 #pragma once
 
+#include <memory>
 #include <mutex>
 #include <opencv2/core/mat.hpp>
 #include <vector>
@@ -60,6 +61,16 @@ class ViewRenderer {
   ViewRig rig_;
   cv::Size panorama_, reduced_;
   mutable std::vector<Map> maps_;
+};
+
+// The renderer of the last size of panorama: a site's are mostly of one size. Thread safe.
+class RendererOfSize {
+ public:
+  std::shared_ptr<const ViewRenderer> Get(const ViewRig& rig, cv::Size panorama);
+
+ private:
+  std::mutex mutex_;
+  std::shared_ptr<const ViewRenderer> last_;
 };
 
 // The picture of a single view.

@@ -21,6 +21,7 @@
 #include "datasets/io/rig_file.h"
 #include "datasets/io/run_parts.h"
 #include "datasets/io/source_quality.h"
+#include "localize/files/view_pictures.h"
 #include "localize/reconstruct/feature_store.h"
 #include "localize/reconstruct/rolling_shutter.h"
 #include "localize/references/view_index.h"
@@ -169,6 +170,19 @@ std::function<FeatureSet(int reference, int view)> ViewFeatures(const std::share
     const auto r = static_cast<size_t>(reference), v = static_cast<size_t>(view);
     return ResizedFeatures(store->Read(names_of[r][v]), sizes[r][v].first, sizes[r][v].second);
   };
+}
+
+std::function<std::vector<cv::Mat>(int reference)> PicturesOfViews(const Site& site, const NamesOfViews& names_of,
+                                                                   const LocalizeJob& job) {
+  std::vector<PicturesOfReference> references;
+  for (size_t i = 0; i < names_of.size(); ++i) {
+    const ReferenceViews& views = job.input.references[i];
+    PicturesOfReference& r = references.emplace_back();
+    r.panorama = views.kind == ReferenceKind::kPanorama;
+    r.rig = views.rig;
+    for (const std::string& name : names_of[i]) r.files.push_back(site.dir / name.substr(0, name.rfind('#')));
+  }
+  return [pictures = std::make_shared<ViewPictures>(std::move(references))](int i) { return pictures->Of(i); };
 }
 
 // Of the body about a pose, m/s, by odometry.
@@ -337,6 +351,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   AddStitchedSets(site, rigs, *store, &prepared, &names_of, &job);
   AddReferences(site, *store, std::move(prepared), &names_of, &job);
   input.view_features = ViewFeatures(store, names_of, job);
+  input.view_pictures = PicturesOfViews(site, names_of, job);
   input.view_index = [reference_results, names_of] { return MapViewIndex(reference_results, names_of); };
   if (has_frame) job.gps = GpsPlaces(run, input);
   DoubtGpsHeights(site, run, &job);

@@ -59,20 +59,6 @@ struct ViewJob {
   size_t reference, view;
 };
 
-// The renderer of the last size of panorama: a site's are mostly of one size.
-class RendererOfSize {
- public:
-  std::shared_ptr<const ViewRenderer> Get(const ViewRig& rig, cv::Size size) {
-    const std::lock_guard lock(mutex_);
-    if (!last_ || !last_->Draws(rig, size)) last_ = std::make_shared<ViewRenderer>(rig, size);
-    return last_;
-  }
-
- private:
-  std::mutex mutex_;
-  std::shared_ptr<const ViewRenderer> last_;
-};
-
 // A reference's picture, read by the first worker that comes to one of its views and dropped by the last.
 class ReferencePicture {
  public:
@@ -87,9 +73,7 @@ class ReferencePicture {
     } else if (problem.empty()) {
       const Camera& camera = p.rig.views[v].camera;
       const Camera matched = MatchedCamera(site, camera);
-      cv::Mat reduced = picture_;
-      if (matched.width() != picture_.cols)
-        cv::resize(picture_, reduced, cv::Size(matched.width(), matched.height()), 0, 0, cv::INTER_AREA);
+      const cv::Mat reduced = AsMatched(picture_, matched);
       const cv::Mat mask = ReducedMask(mask_, reduced.size());
       features[v] = ResizedFeatures(ExtractFeatures(reduced, mask, options.references), matched, camera);
     }
@@ -281,6 +265,13 @@ double FinestFocal(const Site& site) {
 Camera MatchedCamera(const Site& site, const Camera& photo) {
   const double finest = FinestFocal(site);
   return finest > 0 ? photo.Scaled(std::min(1.0, kFinest * finest / photo.MeanFocal())) : photo;
+}
+
+cv::Mat AsMatched(const cv::Mat& photo, const Camera& matched) {
+  if (matched.width() == photo.cols) return photo;
+  cv::Mat reduced;
+  cv::resize(photo, reduced, cv::Size(matched.width(), matched.height()), 0, 0, cv::INTER_AREA);
+  return reduced;
 }
 
 FeatureSet ResizedFeatures(FeatureSet features, const Camera& from, const Camera& to) {

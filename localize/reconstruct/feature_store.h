@@ -43,6 +43,8 @@ std::vector<PreparedReference> PrepareReferences(const Site& site, const ViewOpt
 // runs spends its features on detail that none of them can show, so it is reduced first. Its features are stored in
 // the pixels of the picture as it is.
 Camera MatchedCamera(const Site& site, const Camera& photo);
+// The photo at that resolution.
+cv::Mat AsMatched(const cv::Mat& photo, const Camera& matched);
 // Features of a picture of `from`'s size in the pixels of the same picture resized to `to`'s.
 FeatureSet ResizedFeatures(FeatureSet features, const Camera& from, const Camera& to);
 // The largest focal length of the runs' cameras, px; 0 without any.

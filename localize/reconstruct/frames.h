@@ -63,6 +63,9 @@ struct LocalizeInput {
   std::function<std::shared_ptr<const ViewIndex>()> view_index;
   // Grey, 8 bit; empty where it cannot be read. No function: pictures are not at hand.
   std::function<cv::Mat(int image)> image_picture;
+  // The same of each view of a reference, none where they cannot be read; for a run whose images are aligned with each
+  // other (patch_alignment.h).
+  std::function<std::vector<cv::Mat>(int reference)> view_pictures;
   bool has_frame = false;
   LocalFrame frame;
   bool levelled = false;

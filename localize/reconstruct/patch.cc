@@ -27,14 +27,16 @@ float At(const cv::Mat& picture, const Eigen::Vector2f& p) {
   return (1 - dy) * (upper[0] + dx * (upper[1] - upper[0])) + dy * (lower[0] + dx * (lower[1] - lower[0]));
 }
 
+bool IsInside(const cv::Mat& picture, const Eigen::Vector2f& p) {
+  return p.x() >= 0 && p.y() >= 0 && p.x() < static_cast<float>(picture.cols - 1) &&
+         p.y() < static_cast<float>(picture.rows - 1);
+}
+
 // Whether all samples of a patch lie inside: those of its corners do.
 bool HasRoom(const cv::Mat& picture, const Eigen::Vector2f& middle, const Eigen::Matrix2f& from_grid, float half) {
   for (const auto& [x, y] :
        {std::pair(-half, -half), std::pair(-half, half), std::pair(half, -half), std::pair(half, half)}) {
-    const Eigen::Vector2f corner = middle + from_grid * Eigen::Vector2f(x, y);
-    const bool inside = corner.x() >= 0 && corner.y() >= 0 && corner.x() < static_cast<float>(picture.cols - 1) &&
-                        corner.y() < static_cast<float>(picture.rows - 1);
-    if (!inside) return false;
+    if (!IsInside(picture, middle + from_grid * Eigen::Vector2f(x, y))) return false;
   }
   return true;
 }
@@ -48,6 +50,12 @@ cv::Mat SmoothForPatches(const cv::Mat& grey) {
   grey.convertTo(smooth, CV_32F);
   cv::GaussianBlur(smooth, smooth, {0, 0}, kBlur);
   return smooth;
+}
+
+double PatchRadius(float scale) {
+  constexpr double kScales = 4;                         // half a side in scales of the feature, as SIFT's
+  constexpr double kLeastRadius = 5, kMostRadius = 12;  // px; smaller ones show too little, larger ones are not plane
+  return std::clamp(kScales * static_cast<double>(scale), kLeastRadius, kMostRadius);
 }
 
 bool Patch::Cut(const cv::Mat& smooth, const Eigen::Vector2f& pixel, double radius_px, double depth_per_px) {
@@ -72,18 +80,39 @@ bool Patch::Cut(const cv::Mat& smooth, const Eigen::Vector2f& pixel, double radi
   return energy_ > kLeastContrast * kLeastContrast * static_cast<float>(values_.size());
 }
 
-bool Patch::Align(const cv::Mat& smooth, const SurfaceWarp& warp, Eigen::Vector2f* pixel) {
-  Place place{{}, *pixel};
+std::optional<float> Patch::Align(const cv::Mat& smooth, const SurfaceWarp& warp, Eigen::Vector2f* pixel) {
+  return AlignAt(smooth, warp, nullptr, pixel);
+}
+
+std::optional<float> Patch::AlignPlane(const cv::Mat& smooth, const SurfaceWarp& warp, const ExpectedPlane& plane,
+                                       Eigen::Vector2f* pixel) {
+  slope_ = plane.slope;
+  const Eigen::Matrix2d linear = warp.facing + warp.depth * slope_.transpose();
+  Bend bend;
+  for (int y = 0, k = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x, ++k) {
+      const Eigen::Vector2d px = (step_ * Grid(x - kHalf, y - kHalf)).cast<double>();
+      bend.col(k) = (plane.shown(px) - linear * px).cast<float>();
+    }
+  }
+  if (!bend.allFinite()) return {};
+  return AlignAt(smooth, warp, &bend, pixel);
+}
+
+std::optional<float> Patch::AlignAt(const cv::Mat& smooth, const SurfaceWarp& warp, const Bend* bend,
+                                    Eigen::Vector2f* pixel) {
+  Place place{{}, *pixel, bend};
   Eigen::Vector2d slope = slope_;
   Eigen::Matrix2d information;
   // What a plane and the geometry say comes first: few parameters find it from farther away. What remains follows the
   // viewpoint, as surfaces are not plane; so at the end the warp is free.
-  if (!AlignSurface(smooth, warp, *pixel, &place, &slope, &information) || !AlignFreely(smooth, *pixel, &place))
-    return false;
+  if (!AlignSurface(smooth, warp, *pixel, &place, &slope, &information)) return {};
+  const std::optional<float> correlation = AlignFreely(smooth, *pixel, &place);
+  if (!correlation) return {};
   *pixel = place.pixel;
   slope_ = slope;
   slope_information_ += information;
-  return true;
+  return correlation;
 }
 
 // Of the place and of the surface's slope; this with what the pictures before have shown.
@@ -116,26 +145,27 @@ bool Patch::AlignSurface(const cv::Mat& smooth, const SurfaceWarp& warp, const E
   return false;
 }
 
-bool Patch::AlignFreely(const cv::Mat& smooth, const Eigen::Vector2f& start, Place* place) const {
+std::optional<float> Patch::AlignFreely(const cv::Mat& smooth, const Eigen::Vector2f& start, Place* place) const {
   const Descent<6> descent = AffineDescent();
   const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> normal((descent.transpose() * descent).cast<double>());
   Samples seen;
   float gain = 0;
   for (int k = 0; k < kIterations; ++k) {
-    if (!Look(smooth, *place, &seen, &gain)) return false;
+    if (!Look(smooth, *place, &seen, &gain)) return {};
     const Eigen::Matrix<double, 6, 1> step =
         normal.solve((descent.transpose() * seen).cast<double>()) / static_cast<double>(gain);
     Eigen::Matrix2d by;
     by << 1 + step(2), step(3), step(4), 1 + step(5);
-    if (!(std::abs(by.determinant()) > kLeastDeterminant)) return false;
+    if (!(std::abs(by.determinant()) > kLeastDeterminant)) return {};
     place->warp = place->warp * by.inverse();
     const Eigen::Vector2f move = (place->warp * step.head<2>()).cast<float>();
     place->pixel -= move;
-    if (!((place->pixel - start).norm() < kMostShift)) return false;
+    if (!((place->pixel - start).norm() < kMostShift)) return {};
     if (move.norm() > kConverged) continue;
-    return seen.dot(values_) > kLeastCorrelation * std::sqrt(energy_ * seen.squaredNorm());
+    const float correlation = seen.dot(values_) / std::sqrt(energy_ * seen.squaredNorm());
+    return correlation > kLeastCorrelation ? std::optional(correlation) : std::nullopt;
   }
-  return false;
+  return {};
 }
 
 // Samples less their mean, and how many times stronger than the patch's own they vary. False outside the picture, and
@@ -143,9 +173,16 @@ bool Patch::AlignFreely(const cv::Mat& smooth, const Eigen::Vector2f& start, Pla
 bool Patch::Look(const cv::Mat& smooth, const Place& place, Samples* seen, float* gain) const {
   const Eigen::Matrix2f from_grid = step_ * place.warp.cast<float>();
   if (!(std::abs(place.warp.determinant()) > kLeastDeterminant)) return false;
-  if (!HasRoom(smooth, place.pixel, from_grid, kHalf)) return false;
+  if (place.bend == nullptr && !HasRoom(smooth, place.pixel, from_grid, kHalf)) return false;
   for (int y = 0, k = 0; y < kSide; ++y) {
-    for (int x = 0; x < kSide; ++x, ++k) (*seen)(k) = At(smooth, place.pixel + from_grid * Grid(x - kHalf, y - kHalf));
+    for (int x = 0; x < kSide; ++x, ++k) {
+      Eigen::Vector2f at = place.pixel + from_grid * Grid(x - kHalf, y - kHalf);
+      if (place.bend != nullptr) {
+        at += place.bend->col(k);
+        if (!IsInside(smooth, at)) return false;
+      }
+      (*seen)(k) = At(smooth, at);
+    }
   }
   seen->array() -= seen->mean();
   *gain = seen->dot(values_) / energy_;

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <opencv2/core/mat.hpp>
+#include <optional>
 
 namespace trigpoint {
 
@@ -16,15 +18,31 @@ struct SurfaceWarp {
   Eigen::Vector2d depth;  // px/m
 };
 
+// A plane through the middle of a patch.
+struct ExpectedPlane {
+  Eigen::Vector2d slope;  // depth, m, a px of the patch's picture
+  // How far from the patch's middle what is so far from it in its own picture is in the other one, px. Not finite where
+  // that does not show it.
+  std::function<Eigen::Vector2d(const Eigen::Vector2d& px)> shown;
+};
+
+// Of the patch about a feature of this scale, px.
+double PatchRadius(float scale);
+
 class Patch {
  public:
   // The picture within about `radius_px` of a pixel; depth_per_px: the size of a pixel at the surface, m. False where
   // the picture ends or shows nothing.
   bool Cut(const cv::Mat& smooth, const Eigen::Vector2f& pixel, double radius_px, double depth_per_px);
 
-  // `pixel`: about where the patch's middle is in another picture, and where it is once aligned. False, and nothing
-  // changed, where the picture shows something else. What it shows of the surface's slope serves the next picture.
-  bool Align(const cv::Mat& smooth, const SurfaceWarp& warp, Eigen::Vector2f* pixel);
+  // `pixel`: about where the patch's middle is in another picture, and where it is once aligned. Returns how the two
+  // pictures correlate; nothing, and nothing changed, where the other one shows something else. What it shows of the
+  // surface's slope serves the next picture.
+  std::optional<float> Align(const cv::Mat& smooth, const SurfaceWarp& warp, Eigen::Vector2f* pixel);
+  // The same for a surface that is expected to be this plane. Where it is seen edge on it appears bent, against which a
+  // warp that is linear does not help.
+  std::optional<float> AlignPlane(const cv::Mat& smooth, const SurfaceWarp& warp, const ExpectedPlane& plane,
+                                  Eigen::Vector2f* pixel);
 
  private:
   static constexpr int kHalf = 6;  // samples on each side of the middle
@@ -32,14 +50,18 @@ class Patch {
   using Samples = Eigen::Matrix<float, kSide * kSide, 1>;
   template <int kParameters>
   using Descent = Eigen::Matrix<float, kSide * kSide, kParameters>;
+  using Bend = Eigen::Matrix<float, 2, kSide * kSide>;  // of each sample beyond a linear warp, px
   struct Place {
     Eigen::Matrix2d warp;  // pixels of a picture to a pixel of the patch's own
     Eigen::Vector2f pixel;
+    const Bend* bend = nullptr;  // none: the warp is linear
   };
 
+  std::optional<float> AlignAt(const cv::Mat& smooth, const SurfaceWarp& warp, const Bend* bend,
+                               Eigen::Vector2f* pixel);
   bool AlignSurface(const cv::Mat& smooth, const SurfaceWarp& warp, const Eigen::Vector2f& start, Place* place,
                     Eigen::Vector2d* slope, Eigen::Matrix2d* information) const;
-  bool AlignFreely(const cv::Mat& smooth, const Eigen::Vector2f& start, Place* place) const;
+  std::optional<float> AlignFreely(const cv::Mat& smooth, const Eigen::Vector2f& start, Place* place) const;
   bool Look(const cv::Mat& smooth, const Place& place, Samples* seen, float* gain) const;
   Descent<4> SurfaceDescent(const Eigen::Matrix2d& inverse, const Eigen::Vector2d& depth) const;
   Descent<6> AffineDescent() const;

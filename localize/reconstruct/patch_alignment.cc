@@ -1,23 +1,18 @@
 #include "localize/reconstruct/patch_alignment.h"
 
-#include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <unordered_map>
 #include <utility>
 
 #include "calib/base/parallel.h"
 #include "localize/reconstruct/patch.h"
+#include "localize/reconstruct/surface_warp.h"
 
 namespace trigpoint {
 namespace {
 
-constexpr double kScales = 4;                         // a patch's half side in scales of its feature, as SIFT's
-constexpr double kLeastRadius = 5, kMostRadius = 12;  // px; smaller ones show too little, larger ones are not plane
-constexpr double kMostStretch = 3;                    // of one picture against the other
-constexpr int kEnough = 2;                            // images that a point is aligned in: the others are not needed
+constexpr int kEnough = 2;  // images that a point is aligned in: the others are not needed
 
 class TrackAligner {
  public:
@@ -95,7 +90,7 @@ class TrackAligner {
       }
       const auto patch = patches->find(point);
       if (patch == patches->end()) continue;
-      const auto warp = WarpOf(static_cast<size_t>(track.middle), k);
+      const auto warp = WarpBetween(Placed(static_cast<size_t>(track.middle)), Placed(k), PointOf(k));
       aligned_[k] = warp && patch->second.Align(smooth, *warp, &pixels_[k]) ? 1 : 0;
       if (image == (back ? track.first : track.last)) patches->erase(patch);
     }
@@ -103,24 +98,7 @@ class TrackAligner {
 
   bool Cut(const cv::Mat& smooth, size_t k, float scale, Patch* patch) const {
     const double distance = (CameraFromWorld(k) * PointOf(k)).norm();
-    const double radius = std::clamp(kScales * static_cast<double>(scale), kLeastRadius, kMostRadius);
-    return patch->Cut(smooth, pixels_[k], radius, distance / CameraOf(k).MeanFocal());
-  }
-
-  // How the surface at a point, as observation `from` shows it, appears to observation `to`.
-  std::optional<SurfaceWarp> WarpOf(size_t from, size_t to) const {
-    const Rigid3d a = CameraFromWorld(from), b = CameraFromWorld(to);
-    const Eigen::Vector3d in_a = a * PointOf(from), in_b = b * PointOf(from);
-    Eigen::Matrix<double, 3, 2> facing;
-    facing.col(0) = in_a.unitOrthogonal();
-    facing.col(1) = in_a.normalized().cross(facing.col(0));
-    Eigen::Matrix<double, 2, 3> ja, jb;
-    if (!CameraOf(from).Project(in_a, &ja) || !CameraOf(to).Project(in_b, &jb)) return {};
-    const Eigen::Matrix<double, 2, 3> moved = jb * (b.rotation * a.rotation.conjugate()).toRotationMatrix();
-    const SurfaceWarp warp{moved * facing * (ja * facing).inverse(), moved * in_a.normalized()};
-    const double stretch = std::sqrt(std::abs(warp.facing.determinant()));
-    if (!(stretch < kMostStretch && stretch > 1 / kMostStretch)) return {};
-    return warp;
+    return patch->Cut(smooth, pixels_[k], PatchRadius(scale), distance / CameraOf(k).MeanFocal());
   }
 
   // What cannot be aligned shows something else, or too little: where a point has enough others, it is left out.
@@ -143,6 +121,7 @@ class TrackAligner {
 
   const Camera& CameraOf(size_t k) const { return input_.cameras[static_cast<size_t>(p_.observations[k].view)].camera; }
   const Eigen::Vector3d& PointOf(size_t k) const { return p_.points[static_cast<size_t>(p_.observations[k].point)]; }
+  PlacedCamera Placed(size_t k) const { return {CameraOf(k), CameraFromWorld(k)}; }
   Rigid3d CameraFromWorld(size_t k) const {
     const BearingObservation& o = p_.observations[k];
     return p_.views[static_cast<size_t>(o.view)] * p_.poses[static_cast<size_t>(o.pose)];

@@ -1,7 +1,6 @@
 #include "localize/references/registration.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -21,6 +20,7 @@
 #include "localize/reconstruct/minimal_solvers.h"
 #include "localize/reconstruct/two_view.h"
 #include "localize/references/chance_match.h"
+#include "localize/references/determined.h"
 #include "localize/references/match_noise.h"
 
 namespace trigpoint {
@@ -752,9 +752,7 @@ class Registrar {
     for (const ViewObservation& o : out->inliers) independent += o.repeated ? 0 : 1;
     const Eigen::Vector3d centre = out->rig_from_odom.TargetOriginInSource();
     out->distance_m = NearestCamera(centre);
-    const Matrix6d inverse = InverseCovariance(out->rig_from_odom, out->covariance);
-    const double sigma =
-        std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inverse.bottomRightCorner<3, 3>()).eigenvalues()(2));
+    const double sigma = LargestPositionSigma(out->rig_from_odom, out->covariance);
     char text[200];
     out->status = AnswerStatus::kRejected;
     if (independent < o_.min_inliers) {

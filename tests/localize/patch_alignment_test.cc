@@ -8,40 +8,17 @@
 #include <vector>
 
 #include "tests/localize/test_scene.h"
+#include "tests/localize/textured_plane.h"
 
 namespace trigpoint {
 namespace {
-
-struct Wave {
-  Eigen::Vector2d frequency;
-  double phase;
-};
-
-std::vector<Wave> MakeTexture(uint64_t seed) {
-  Random random(seed);
-  std::vector<Wave> waves;
-  for (int i = 0; i < 40; ++i) {
-    const double direction = random.Uniform(0, 2 * EIGEN_PI), length_m = 0.1 * std::pow(10.0, random.Uniform());
-    waves.push_back({2 * EIGEN_PI / length_m * Eigen::Vector2d(std::cos(direction), std::sin(direction)),
-                     random.Uniform(0, 2 * EIGEN_PI)});
-  }
-  return waves;
-}
-
-double GreyOf(const std::vector<Wave>& texture, const Eigen::Vector2d& at) {
-  double sum = 0;
-  for (const Wave& w : texture) sum += std::cos(w.frequency.dot(at) + w.phase);
-  return 128 + 10 * sum;
-}
 
 // The wall: z = 6 + x tan 35 deg, in the first camera's frame.
 const Eigen::Vector3d kNormal(std::tan(35 * EIGEN_PI / 180), 0, -1);
 constexpr double kDistance = 6;
 
 Eigen::Vector3d OnWall(const Rigid3d& camera_from_world, const Eigen::Vector3d& ray) {
-  const Eigen::Vector3d centre = camera_from_world.TargetOriginInSource();
-  const Eigen::Vector3d direction = camera_from_world.rotation.conjugate() * ray;
-  return centre - (kNormal.dot(centre) + kDistance) / kNormal.dot(direction) * direction;
+  return OnPlane(kNormal, kDistance, camera_from_world, ray);
 }
 
 struct Wall {

@@ -1,0 +1,25 @@
+// What references see of points, made to show the same spots as the run's images do (docs/method.md section 3). SIFT
+// finds a feature in each picture by itself: where a reference looks at a surface from another side than the run, it
+// finds it centimetres elsewhere, and all features of the surface alike.
+#pragma once
+
+#include <vector>
+
+#include "localize/reconstruct/reconstruct.h"
+
+namespace trigpoint {
+
+struct AlignedViews {
+  int64_t tried = 0;
+  std::vector<size_t> observations;  // of the problem, that are aligned
+  std::vector<Eigen::Vector2f> pixels;
+};
+
+// Of references in a solution that has them about right, and whose images are aligned with each other
+// (patch_alignment.h). `references` as they are in the problem; `first_view` of each: index into BundleProblem::views,
+// -1 for those that are left as they are.
+AlignedViews AlignViews(const LocalizeInput& input, const std::vector<ReferenceViews>& references,
+                        const std::vector<int>& first_view, const Reconstruction& reconstruction, int threads,
+                        ProgressSink& progress, const CancelToken& cancel);
+
+}  // namespace trigpoint
