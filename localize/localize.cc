@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <set>
 #include <tuple>
 #include <utility>
 
@@ -426,12 +427,15 @@ struct MatchGroup {
 };
 
 // References whose matches no longer fix them, as too few still fit the solution or their points have gone far away,
-// are left out of it: nothing would hold their poses.
-void LeaveOutUndetermined(double most_sigma_m, MatchGroup* group, Localization* result) {
+// are left out of it. Returns whether any is.
+bool LeaveOutUndetermined(double most_sigma_m, std::vector<MatchGroup>* groups, Localization* result) {
   Reconstruction& r = result->reconstruction;
   std::map<size_t, std::vector<size_t>> observations;
-  for (const WeighedMatch& match : group->matches)
-    observations[ReferenceOf(r, match.observation)].push_back(match.observation);
+  for (const MatchGroup& group : *groups) {
+    for (const WeighedMatch& match : group.matches)
+      observations[ReferenceOf(r, match.observation)].push_back(match.observation);
+  }
+  std::set<size_t> left_out;
   for (const auto& [reference, its] : observations) {
     ReferenceAnswer& answer = result->references[reference];
     const auto pose = static_cast<size_t>(answer.pose);
@@ -441,11 +445,15 @@ void LeaveOutUndetermined(double most_sigma_m, MatchGroup* group, Localization* 
     answer.pose = answer.views.pose = -1;
     r.problem.pose_constant[pose] = true;
     for (const size_t k : its) r.problem.observations[k].active = false;
-    group->unknowns -= kPoseUnknowns;
+    left_out.insert(reference);
   }
-  std::erase_if(group->matches, [&](const WeighedMatch& match) {
-    return result->references[ReferenceOf(r, match.observation)].pose < 0;
-  });
+  for (MatchGroup& group : *groups) {
+    const auto before = static_cast<double>(group.matches.size());
+    std::erase_if(group.matches,
+                  [&](const WeighedMatch& m) { return left_out.count(ReferenceOf(r, m.observation)) > 0; });
+    if (before > 0) group.unknowns *= static_cast<double>(group.matches.size()) / before;
+  }
+  return !left_out.empty();
 }
 
 // Gives the matches the noise that they show: not less than that of the images' features, which are found in the same
@@ -468,51 +476,67 @@ double UpdateNoise(const RegistrationOptions& options, double unknowns, MatchGro
 void SolveWithNoise(const Task& task, double unknowns, std::vector<MatchGroup>* groups, Localization* result) {
   constexpr int kRounds = 3;
   constexpr double kSettled = 0.1;
+  constexpr double kNothing_m = 1000;  // a position as uncertain as this is held by nothing
   const RegistrationOptions& options = task.options.registration;
   Reconstruction& r = result->reconstruction;
   size_t matches = 0;
   for (const MatchGroup& group : *groups) matches += group.matches.size();
+  const auto solve = [&] { r.summary = SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel); };
   for (int round = 0; round < kRounds; ++round) {
     bool settled = true;
     for (MatchGroup& group : *groups) {
       if (group.matches.empty()) continue;
       const double share = static_cast<double>(group.matches.size()) / static_cast<double>(matches);
       settled &= std::abs(std::log(UpdateNoise(options, share * unknowns, &group, &r))) < kSettled;
-      LeaveOutUndetermined(options.max_sigma_m, &group, result);
     }
-    r.summary = SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel);
+    LeaveOutUndetermined(kNothing_m, groups, result);
+    solve();
     if (settled) break;
   }
+  if (LeaveOutUndetermined(options.max_sigma_m, groups, result)) solve();
+}
+
+// Which references are to see what is aligned alone: those that have enough of it to be localized by.
+std::vector<bool> WellAligned(const RegistrationOptions& options, const AlignedViews& found,
+                              const Localization& result) {
+  const size_t enough = 3 * static_cast<size_t>(options.min_inliers);
+  const Reconstruction& r = result.reconstruction;
+  std::vector<std::vector<size_t>> aligned(result.references.size());
+  for (const size_t k : found.observations) aligned[ReferenceOf(r, k)].push_back(k);
+  std::vector<bool> well(aligned.size(), false);
+  for (size_t i = 0; i < well.size(); ++i) {
+    if (aligned[i].size() < enough) continue;
+    const Rigid3d& pose = r.problem.poses[static_cast<size_t>(result.references[i].pose)];
+    well[i] = LargestPositionSigma(pose, r.problem, aligned[i]) <= options.max_sigma_m;
+  }
+  return well;
 }
 
 // References that see the spots of points that the run's images show, by alignment, in place of features that were
-// found by themselves: these are left out where many are aligned. Such references are a group of their own, the second
-// one.
+// found by themselves: those whose pictures do not show the same are left out where the others suffice. What is aligned
+// is a group of its own, the second one.
 void AlignWithImages(const Task& task, const std::vector<ReferenceViews>& references, const std::vector<bool>& taken,
                      std::vector<MatchGroup>* groups, Localization* result) {
-  if (!task.input.view_pictures || !task.input.image_picture) return;
-  const int enough = 3 * task.options.registration.min_inliers;
+  if (!task.input.reference_pictures || !task.input.image_picture) return;
   Reconstruction& r = result->reconstruction;
-  std::vector<int> first_view(references.size(), -1), aligned(references.size(), 0);
+  std::vector<int> first_view(references.size(), -1);
   for (size_t i = 0; i < references.size(); ++i) {
     if (taken[i] && result->references[i].pose >= 0) first_view[i] = result->references[i].views.first;
   }
   const AlignedViews found =
       AlignViews(task.input, references, first_view, r, task.threads, task.progress, task.cancel);
-  std::map<size_t, Eigen::Vector2f> pixel_of;  // of observations
-  for (size_t k = 0; k < found.observations.size(); ++k) {
-    pixel_of[found.observations[k]] = found.pixels[k];
-    ++aligned[ReferenceOf(r, found.observations[k])];
-  }
   MatchGroup& as_found = groups->front();
+  const std::vector<bool> well = WellAligned(task.options.registration, found, *result);
+  std::map<size_t, Eigen::Vector2f> pixel_of;  // of observations
+  for (size_t k = 0; k < found.observations.size(); ++k) pixel_of[found.observations[k]] = found.pixels[k];
+  const std::set<size_t> elsewhere(found.elsewhere.begin(), found.elsewhere.end());
+  const double unknowns = as_found.unknowns;
   MatchGroup by_pictures{{}, 0, as_found.sigma_px};
-  for (const int n : aligned) by_pictures.unknowns += n >= enough ? kPoseUnknowns : 0;
-  as_found.unknowns -= by_pictures.unknowns;
   for (const WeighedMatch& match : std::exchange(as_found.matches, {})) {
     BearingObservation& o = r.problem.observations[match.observation];
     const size_t reference = ReferenceOf(r, match.observation);
     const auto pixel = pixel_of.find(match.observation);
-    if (aligned[reference] < enough) {
+    if (!well[reference] || (pixel == pixel_of.end() && elsewhere.count(match.observation) == 0)) {
       as_found.matches.push_back(match);
     } else if (pixel == pixel_of.end()) {
       o.active = false;
@@ -525,6 +549,10 @@ void AlignWithImages(const Task& task, const std::vector<ReferenceViews>& refere
       by_pictures.matches.push_back(match);
     }
   }
+  if (by_pictures.matches.empty()) return;
+  const double kept = static_cast<double>(as_found.matches.size() + by_pictures.matches.size());
+  by_pictures.unknowns = unknowns * static_cast<double>(by_pictures.matches.size()) / kept;
+  as_found.unknowns = unknowns - by_pictures.unknowns;
   groups->push_back(std::move(by_pictures));
   task.progress.Log(LogLevel::kInfo,
                     fmt::format("{} of {} observations of references aligned with the pictures of their points",
@@ -580,7 +608,7 @@ void SolveWith(const Task& task, const std::vector<ReferenceViews>& references, 
   std::vector<MatchGroup> groups = {{MatchesOf(result->references, taken, r), 0, task.options.registration.sigma_px}};
   for (size_t i = 0; i < taken.size(); ++i)
     groups.front().unknowns += taken[i] && result->references[i].pose >= 0 ? kPoseUnknowns : 0;
-  LeaveOutUndetermined(task.options.registration.max_sigma_m, &groups.front(), result);
+  LeaveOutUndetermined(task.options.registration.max_sigma_m, &groups, result);
   SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel);
   SolveWithNoise(task, 0, &groups, result);
   AlignWithImages(task, references, taken, &groups, result);

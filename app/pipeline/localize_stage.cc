@@ -142,7 +142,7 @@ StageInfo LocalizeStage() {
       Localization result = LocalizeAtItsLength(has_odometry, [&](double length) {
         Solution alone = ReadReconstruction(context.project, "localize", target);
         counts = alone.counts;
-        if (!HasAlignedPoints(counts)) job.input.view_pictures = nullptr;
+        if (!HasAlignedPoints(counts)) job.input.reference_pictures = nullptr;
         Reconstruction reconstruction = ReconstructionOf(job.input, std::move(alone));
         if (length != 1) ScaleReconstruction(length, &reconstruction);
         const WorldEvidence evidence =

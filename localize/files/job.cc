@@ -172,17 +172,17 @@ std::function<FeatureSet(int reference, int view)> ViewFeatures(const std::share
   };
 }
 
-std::function<std::vector<cv::Mat>(int reference)> PicturesOfViews(const Site& site, const NamesOfViews& names_of,
-                                                                   const LocalizeJob& job) {
-  std::vector<PicturesOfReference> references;
+// The pictures that the references' features are from.
+std::vector<ReferenceFiles> FilesOf(const Site& site, const NamesOfViews& names_of, const LocalizeInput& input) {
+  std::vector<ReferenceFiles> files;
   for (size_t i = 0; i < names_of.size(); ++i) {
-    const ReferenceViews& views = job.input.references[i];
-    PicturesOfReference& r = references.emplace_back();
+    const ReferenceViews& views = input.references[i];
+    ReferenceFiles& r = files.emplace_back();
     r.panorama = views.kind == ReferenceKind::kPanorama;
     r.rig = views.rig;
     for (const std::string& name : names_of[i]) r.files.push_back(site.dir / name.substr(0, name.rfind('#')));
   }
-  return [pictures = std::make_shared<ViewPictures>(std::move(references))](int i) { return pictures->Of(i); };
+  return files;
 }
 
 // Of the body about a pose, m/s, by odometry.
@@ -351,7 +351,7 @@ LocalizeJob MakeLocalizeJob(const Site& site, const Run& run, bool has_frame, co
   AddStitchedSets(site, rigs, *store, &prepared, &names_of, &job);
   AddReferences(site, *store, std::move(prepared), &names_of, &job);
   input.view_features = ViewFeatures(store, names_of, job);
-  input.view_pictures = PicturesOfViews(site, names_of, job);
+  input.reference_pictures = PicturesOf(FilesOf(site, names_of, input));
   input.view_index = [reference_results, names_of] { return MapViewIndex(reference_results, names_of); };
   if (has_frame) job.gps = GpsPlaces(run, input);
   DoubtGpsHeights(site, run, &job);

@@ -2,30 +2,23 @@
 #pragma once
 
 #include <filesystem>
-#include <opencv2/core/mat.hpp>
+#include <functional>
+#include <memory>
 #include <vector>
 
-#include "calib/camera/rig.h"
-#include "datasets/io/views.h"
+#include "localize/reconstruct/frames.h"
 
 namespace trigpoint {
 
 // A panorama, or a photo for each view.
-struct PicturesOfReference {
+struct ReferenceFiles {
   std::vector<std::filesystem::path> files;
   bool panorama = false;
   ViewRig rig;  // with the cameras that it is matched with
 };
 
-class ViewPictures {
- public:
-  explicit ViewPictures(std::vector<PicturesOfReference> references) : references_(std::move(references)) {}
-  // Grey, of all views of a reference; none where a picture cannot be read any more. Thread safe.
-  std::vector<cv::Mat> Of(int reference);
-
- private:
-  std::vector<PicturesOfReference> references_;
-  RendererOfSize renderers_;
-};
+// For LocalizeInput::reference_pictures; thread safe.
+std::function<std::unique_ptr<const ReferencePictures>(int reference)> PicturesOf(
+    std::vector<ReferenceFiles> references);
 
 }  // namespace trigpoint

@@ -268,7 +268,7 @@ Camera MatchedCamera(const Site& site, const Camera& photo) {
 }
 
 cv::Mat AsMatched(const cv::Mat& photo, const Camera& matched) {
-  if (matched.width() == photo.cols) return photo;
+  if (matched.width() == photo.cols && matched.height() == photo.rows) return photo;
   cv::Mat reduced;
   cv::resize(photo, reduced, cv::Size(matched.width(), matched.height()), 0, 0, cv::INTER_AREA);
   return reduced;

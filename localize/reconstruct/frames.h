@@ -40,6 +40,14 @@ struct ReferenceViews {
   ViewErrors errors;
 };
 
+// The pictures of a reference's views, each read when it is asked for.
+class ReferencePictures {
+ public:
+  virtual ~ReferencePictures() = default;
+  // Grey, 8 bit; empty where it cannot be read.
+  virtual cv::Mat View(int view) const = 0;
+};
+
 // Factors on the standard deviations of odometry's stated noise. Two, since stops that are far apart often have good
 // positions and bad rotations.
 struct OdometryNoise {
@@ -63,9 +71,8 @@ struct LocalizeInput {
   std::function<std::shared_ptr<const ViewIndex>()> view_index;
   // Grey, 8 bit; empty where it cannot be read. No function: pictures are not at hand.
   std::function<cv::Mat(int image)> image_picture;
-  // The same of each view of a reference, none where they cannot be read; for a run whose images are aligned with each
-  // other (patch_alignment.h).
-  std::function<std::vector<cv::Mat>(int reference)> view_pictures;
+  // The same of a reference's views; for a run whose images are aligned with each other (patch_alignment.h).
+  std::function<std::unique_ptr<const ReferencePictures>(int reference)> reference_pictures;
   bool has_frame = false;
   LocalFrame frame;
   bool levelled = false;

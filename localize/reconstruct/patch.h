@@ -39,8 +39,8 @@ class Patch {
   // pictures correlate; nothing, and nothing changed, where the other one shows something else. What it shows of the
   // surface's slope serves the next picture.
   std::optional<float> Align(const cv::Mat& smooth, const SurfaceWarp& warp, Eigen::Vector2f* pixel);
-  // The same for a surface that is expected to be this plane. Where it is seen edge on it appears bent, against which a
-  // warp that is linear does not help.
+  // The same for a surface that is expected to be this plane, of which the patch keeps the slope. Where the plane is
+  // seen edge on it appears bent, against which a warp that is linear does not help.
   std::optional<float> AlignPlane(const cv::Mat& smooth, const SurfaceWarp& warp, const ExpectedPlane& plane,
                                   Eigen::Vector2f* pixel);
 

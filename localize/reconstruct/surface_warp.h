@@ -9,7 +9,7 @@
 
 namespace trigpoint {
 
-// A camera where it stands, and what it sees the world in.
+// A camera and its pose.
 struct PlacedCamera {
   const Camera& camera;
   Rigid3d from_world;

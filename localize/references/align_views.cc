@@ -13,18 +13,27 @@
 namespace trigpoint {
 namespace {
 
-constexpr size_t kAtATime = 16;  // references: their patches are in memory
+constexpr size_t kAtATime = 100'000;  // patches of 2 KiB
 
 // An observation of a reference, and the run's observation whose picture is looked for in it.
 struct Sought {
   size_t in_view = 0, in_image = 0;
-  std::unique_ptr<const Patch> patch;  // none: it cannot be cut out
+  std::unique_ptr<const Patch> patch;  // none: the image shows nothing there
+  bool readable = false;               // the image
 };
 
 void Append(const AlignedViews& some, AlignedViews* all) {
   all->tried += some.tried;
   all->observations.insert(all->observations.end(), some.observations.begin(), some.observations.end());
+  all->elsewhere.insert(all->elsewhere.end(), some.elsewhere.begin(), some.elsewhere.end());
   all->pixels.insert(all->pixels.end(), some.pixels.begin(), some.pixels.end());
+}
+
+// Whether a patch about the pixel lies in the picture, whatever its feature's scale.
+bool HasRoomForPatch(const Camera& camera, const Eigen::Vector2d& pixel) {
+  constexpr double kLargest_px = 15;
+  const Eigen::Vector2d end = Eigen::Vector2d(camera.width(), camera.height()).array() - kLargest_px;
+  return pixel.minCoeff() > kLargest_px && pixel.x() < end.x() && pixel.y() < end.y();
 }
 
 // Of some references, all of whose patches are in memory.
@@ -40,7 +49,7 @@ class ViewAligner {
     std::map<int, std::vector<Sought*>> of_image;
     for (size_t i = 0; i < of_reference.size(); ++i) {
       for (const size_t k : of_reference[i]) {
-        if (const auto best = MostAlike(k)) sought[i].push_back({k, *best, nullptr});
+        if (const auto best = MostAlike(k)) sought[i].push_back({k, *best});
       }
       for (Sought& s : sought[i]) of_image[r_.image_of[s.in_image]].push_back(&s);
     }
@@ -81,6 +90,8 @@ class ViewAligner {
       const bool of_image = r_.image_of[j] >= 0 && p_.observations[j].active;
       if (!of_image || input_.cameras[static_cast<size_t>(p_.observations[j].view)].readout_s != 0) return;
       const PlacedCamera camera = PlacedOf(j);
+      const auto pixel = camera.camera.Project(p_.observations[j].ray.cast<double>());
+      if (!pixel || !HasRoomForPatch(camera.camera, *pixel)) return;
       const Eigen::Vector3d to_camera = camera.from_world.TargetOriginInSource() - y;
       const double angle = std::atan2(to_view.cross(to_camera).norm(), to_view.dot(to_camera));
       const double ratio = camera.camera.MeanFocal() / to_camera.norm() / (view.camera.MeanFocal() / to_view.norm());
@@ -98,6 +109,7 @@ class ViewAligner {
     const cv::Mat smooth = SmoothForPatches(grey);
     const std::vector<float> scales = input_.image_features(image).scales;
     for (Sought* s : its) {
+      s->readable = true;
       const PlacedCamera camera = PlacedOf(s->in_image);
       const auto pixel = camera.camera.Project(p_.observations[s->in_image].ray.cast<double>());
       if (!pixel) continue;
@@ -109,26 +121,31 @@ class ViewAligner {
     }
   }
 
-  AlignedViews AlignReference(const std::vector<Sought>& sought) const {
+  // View by view: pictures of many photos are large.
+  AlignedViews AlignReference(std::vector<Sought>& sought) const {
     AlignedViews out;
-    if (sought.empty()) return out;
-    const std::vector<cv::Mat> pictures = input_.view_pictures(static_cast<int>(ReferenceOf(sought.front().in_view)));
-    if (pictures.empty()) return out;
-    std::vector<cv::Mat> smooth(pictures.size());
-    for (const Sought& s : sought) {
-      ++out.tried;
-      if (!s.patch) continue;
+    std::stable_sort(sought.begin(), sought.end(),
+                     [&](const Sought& a, const Sought& b) { return ViewOf(a.in_view) < ViewOf(b.in_view); });
+    std::unique_ptr<const ReferencePictures> pictures;
+    cv::Mat smooth;
+    for (size_t k = 0; k < sought.size(); ++k) {
+      const Sought& s = sought[k];
       const size_t view = ViewOf(s.in_view);
-      if (smooth[view].empty()) smooth[view] = SmoothForPatches(pictures[view]);
-      if (const auto pixel = AlignOne(s, smooth[view])) {
-        out.observations.push_back(s.in_view);
-        out.pixels.push_back(*pixel);
+      if (!pictures) pictures = input_.reference_pictures(static_cast<int>(ReferenceOf(s.in_view)));
+      if (k == 0 || view != ViewOf(sought[k - 1].in_view)) {
+        const cv::Mat grey = pictures->View(static_cast<int>(view));
+        smooth = grey.empty() ? cv::Mat() : SmoothForPatches(grey);
       }
+      if (smooth.empty() || !s.readable) continue;
+      ++out.tried;
+      const std::optional<Eigen::Vector2f> pixel = s.patch ? AlignOne(s, smooth) : std::nullopt;
+      (pixel ? out.observations : out.elsewhere).push_back(s.in_view);
+      if (pixel) out.pixels.push_back(*pixel);
     }
     return out;
   }
 
-  // The surface may face the run's camera, both, or the sky: which it does is seen where the pictures agree best.
+  // The surface may face the run's camera, or both, or be level: which it does is seen where the pictures agree best.
   std::optional<Eigen::Vector2f> AlignOne(const Sought& s, const cv::Mat& smooth) const {
     const PlacedCamera camera = PlacedOf(s.in_image), view = PlacedOf(s.in_view);
     const Eigen::Vector3d& y = PointOf(s.in_view);
@@ -137,8 +154,10 @@ class ViewAligner {
     if (!warp || !start) return {};
     const Eigen::Vector3d to_camera = (camera.from_world.TargetOriginInSource() - y).normalized();
     const Eigen::Vector3d to_view = (view.from_world.TargetOriginInSource() - y).normalized();
+    // Where the run's frame is not level, a panorama is about so, and a photo held upright.
+    const Eigen::Quaterniond& of_reference = p_.poses[static_cast<size_t>(p_.observations[s.in_view].pose)].rotation;
     const Eigen::Vector3d up =
-        p_.poses[static_cast<size_t>(p_.observations[s.in_view].pose)].rotation.conjugate() * Eigen::Vector3d(0, -1, 0);
+        input_.levelled ? Eigen::Vector3d(0, 0, 1) : of_reference.conjugate() * Eigen::Vector3d(0, -1, 0);
     std::optional<Eigen::Vector2f> best;
     float most = 0;
     for (const Eigen::Vector3d& normal : {to_camera, Eigen::Vector3d(to_camera + to_view), up}) {
@@ -147,7 +166,8 @@ class ViewAligner {
       Patch patch = *s.patch;
       Eigen::Vector2f pixel = start->cast<float>();
       const std::optional<float> correlation = patch.AlignPlane(smooth, *warp, *plane, &pixel);
-      if (correlation && *correlation > most) best = pixel, most = *correlation;
+      if (!correlation || *correlation <= most || !view.camera.Unproject(pixel.cast<double>())) continue;
+      best = pixel, most = *correlation;
     }
     return best;
   }
@@ -174,12 +194,15 @@ AlignedViews AlignViews(const LocalizeInput& input, const std::vector<ReferenceV
   const ViewAligner aligner(input, references, first_view, r);
   AlignedViews all;
   std::vector<std::vector<size_t>> some;
+  size_t patches = 0;
   for (auto at = of_reference.begin(); at != of_reference.end();) {
+    patches += at->second.size();
     some.push_back(std::move(at->second));
-    if (++at != of_reference.end() && some.size() < kAtATime) continue;
+    if (++at != of_reference.end() && patches + at->second.size() <= kAtATime) continue;
     Append(aligner.Run(some, threads, cancel), &all);
     progress.Advance(static_cast<int64_t>(some.size()));
     some.clear();
+    patches = 0;
   }
   return all;
 }

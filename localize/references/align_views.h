@@ -1,4 +1,4 @@
-// What references see of points, made to show the same spots as the run's images do (docs/method.md section 3). SIFT
+// What references see of points, made to show the same spots as the run's images do (docs/method.md section 4). SIFT
 // finds a feature in each picture by itself: where a reference looks at a surface from another side than the run, it
 // finds it centimetres elsewhere, and all features of the surface alike.
 #pragma once
@@ -13,6 +13,7 @@ struct AlignedViews {
   int64_t tried = 0;
   std::vector<size_t> observations;  // of the problem, that are aligned
   std::vector<Eigen::Vector2f> pixels;
+  std::vector<size_t> elsewhere;  // those whose pictures do not show the same
 };
 
 // Of references in a solution that has them about right, and whose images are aligned with each other

@@ -413,33 +413,40 @@ class Merger {
     for (size_t i = 1; i < first_.size(); ++i) first_[i] += first_[i - 1];
   }
 
-  // The group as one point, with what it was seen by; each feature of a panorama counts once. False where two features
-  // of one picture would be the point: a match is wrong.
+  // The group as one point, with what it was seen by; each feature of a panorama counts once, an observation that is
+  // believed before one that is not. False where two features of one picture would be the point: a match is wrong.
   bool Add(const std::vector<int>& group, BundleProblem* trial, std::vector<size_t>* of) const {
     std::map<std::pair<int, int>, int> feature_of;  // image or reference, view
     bool good = true;
-    const int point = static_cast<int>(trial->points.size());
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (int member : group) {
-      mean += p_.points[static_cast<size_t>(member)] / static_cast<double>(group.size());
-      for (int k = first_[static_cast<size_t>(member)]; k < first_[static_cast<size_t>(member) + 1]; ++k) {
-        const auto i = static_cast<size_t>(k);
-        const Reconstruction& r = j_.reconstruction;
-        const auto [at, fresh] = feature_of.try_emplace({r.image_of[i], j_.view_of[i]}, r.feature_of[i]);
-        if (!fresh) {
-          good = good && (at->second == r.feature_of[i] || !p_.observations[i].active);
-          continue;
-        }
-        trial->observations.push_back(p_.observations[i]);
-        trial->observations.back().point = point;
-        of->push_back(i);
-      }
+    for (int member : group) mean += p_.points[static_cast<size_t>(member)] / static_cast<double>(group.size());
+    for (const bool believed : {true, false}) {
+      for (int member : group) good = AddSeen(member, believed, &feature_of, trial, of) && good;
     }
     trial->points.push_back(mean);
     return good;
   }
 
  private:
+  bool AddSeen(int member, bool believed, std::map<std::pair<int, int>, int>* feature_of, BundleProblem* trial,
+               std::vector<size_t>* of) const {
+    const Reconstruction& r = j_.reconstruction;
+    bool good = true;
+    for (int k = first_[static_cast<size_t>(member)]; k < first_[static_cast<size_t>(member) + 1]; ++k) {
+      const auto i = static_cast<size_t>(k);
+      if (p_.observations[i].active != believed) continue;
+      const auto [at, fresh] = feature_of->try_emplace({r.image_of[i], j_.view_of[i]}, r.feature_of[i]);
+      if (!fresh) {
+        good = good && (at->second == r.feature_of[i] || !believed);
+        continue;
+      }
+      trial->observations.push_back(p_.observations[i]);
+      trial->observations.back().point = static_cast<int>(trial->points.size());
+      of->push_back(i);
+    }
+    return good;
+  }
+
   const JoinedRuns& j_;
   const BundleProblem& p_;
   std::vector<int> first_;
@@ -543,13 +550,19 @@ JoinedRuns JoinRuns(std::vector<SiteRun>* runs, const std::vector<PlacedRun>& pl
 
 PointPairs PairsByPanoramas(const JoinedRuns& joined) {
   const Reconstruction& r = joined.reconstruction;
-  std::map<std::array<int, 3>, int> point_of;  // reference, view, feature
+  // One feature shows two spots where it is aligned with images of two runs (references/align_views.h), which do not
+  // lie in one place: 1 % of those that do are farther apart, with the noise of both.
+  constexpr double kMostChi2 = 2 * 9.21;
+  std::map<std::array<int, 3>, size_t> first_of;  // reference, view, feature
   PointPairs pairs;
   for (size_t k = 0; k < r.image_of.size(); ++k) {
     const BearingObservation& o = r.problem.observations[k];
     if (r.image_of[k] >= 0 || !o.active) continue;
-    const auto [at, fresh] = point_of.try_emplace({r.image_of[k], joined.view_of[k], r.feature_of[k]}, o.point);
-    if (!fresh && at->second != o.point) pairs.emplace_back(at->second, o.point);
+    const auto [at, fresh] = first_of.try_emplace({r.image_of[k], joined.view_of[k], r.feature_of[k]}, k);
+    if (fresh) continue;
+    const BearingObservation& first = r.problem.observations[at->second];
+    const double apart = (first.w * o.ray.normalized()).squaredNorm();
+    if (first.point != o.point && apart < kMostChi2) pairs.emplace_back(first.point, o.point);
   }
   return pairs;
 }

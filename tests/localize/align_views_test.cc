@@ -33,6 +33,15 @@ Plane Wall() { return {{0.2, 0, -1}, 7, 0.1, Looking(-0.45, 0, {3, 0.2, 0})}; }
 // 1.5 m below, seen from the right.
 Plane Ground() { return {{0, 1, 0}, -1.5, 0.3, Looking(-1.0, -0.15, {4.5, -0.3, 3})}; }
 
+class OnePicture final : public ReferencePictures {
+ public:
+  explicit OnePicture(cv::Mat picture) : picture_(std::move(picture)) {}
+  cv::Mat View(int) const override { return picture_; }
+
+ private:
+  cv::Mat picture_;
+};
+
 class Scene {
  public:
   explicit Scene(const Plane& plane, bool other_texture = false) : plane_(plane) {
@@ -54,7 +63,7 @@ class Scene {
     view.camera = camera.camera;
     references.emplace_back().rig.views = {view};
     input.image_picture = [this](int i) { return pictures_[static_cast<size_t>(i)]; };
-    input.view_pictures = [this](int) { return std::vector<cv::Mat>{view_picture_}; };
+    input.reference_pictures = [this](int) { return std::make_unique<OnePicture>(view_picture_); };
     input.image_features = [](int) {
       FeatureSet f;
       f.scales.assign(kPoints, 2.0F);
@@ -135,7 +144,8 @@ class Scene {
     for (int i = 0; i < kImages; ++i) Add(seen[static_cast<size_t>(i)], i, point);
     BearingObservation o;
     o.point = point, o.pose = kImages, o.view = 1;
-    const Eigen::Vector2d found = pixel + Eigen::Vector2d(random->Uniform(-0.7, 0.7), random->Uniform(-0.7, 0.7));
+    // Features are off by 0.5 px in common, as those of one surface are.
+    const Eigen::Vector2d found = pixel + Eigen::Vector2d(random->Uniform(-0.2, 1.2), random->Uniform(-0.7, 0.7));
     o.ray = TheCamera().Unproject(found)->cast<float>();
     o.w = TheCamera().BearingSqrtInfo(found, 1).cast<float>();
     Add(o, -1, point);
@@ -156,7 +166,7 @@ class Scene {
 TEST(AlignViews, ShowTheSpotsThatImagesShowOnAWall) {
   const Scene scene(Wall());
   const AlignedViews aligned = scene.Align();
-  EXPECT_EQ(aligned.tried, kPoints);
+  EXPECT_GT(aligned.tried, 0.9 * kPoints);
   EXPECT_GT(aligned.observations.size(), 0.9 * kPoints);
   EXPECT_GT(scene.ErrorsBefore().rms, 0.5);
   EXPECT_LT(scene.ErrorsOf(aligned).rms, 0.06);
@@ -167,15 +177,17 @@ TEST(AlignViews, ShowTheSpotsThatImagesShowOnAWall) {
 TEST(AlignViews, ShowTheSpotsThatImagesShowOnTheGround) {
   const Scene scene(Ground());
   const AlignedViews aligned = scene.Align();
-  EXPECT_GT(aligned.observations.size(), 0.4 * kPoints);
+  EXPECT_GT(scene.ErrorsBefore().mean, 0.4);
+  EXPECT_GT(aligned.observations.size(), 0.3 * kPoints);
   EXPECT_LT(scene.ErrorsOf(aligned).rms, 0.5);
   EXPECT_LT(scene.ErrorsOf(aligned).mean, 0.12);
 }
 
 TEST(AlignViews, LeaveWhatLooksOtherwise) {
   const AlignedViews aligned = Scene(Wall(), true).Align();
-  EXPECT_EQ(aligned.tried, kPoints);
+  EXPECT_GT(aligned.tried, 0.9 * kPoints);
   EXPECT_LT(aligned.observations.size(), 0.05 * kPoints);
+  EXPECT_EQ(aligned.observations.size() + aligned.elsewhere.size(), static_cast<size_t>(aligned.tried));
 }
 
 TEST(AlignViews, DependOnNoThreads) {
@@ -187,8 +199,10 @@ TEST(AlignViews, DependOnNoThreads) {
 
 TEST(AlignViews, LeaveAllWherePicturesHaveGone) {
   Scene scene(Wall());
-  scene.input.view_pictures = [](int) { return std::vector<cv::Mat>(); };
-  EXPECT_TRUE(scene.Align().observations.empty());
+  scene.input.reference_pictures = [](int) { return std::make_unique<OnePicture>(cv::Mat()); };
+  const AlignedViews aligned = scene.Align();
+  EXPECT_TRUE(aligned.observations.empty());
+  EXPECT_TRUE(aligned.elsewhere.empty());
 }
 
 }  // namespace
