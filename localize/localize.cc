@@ -536,7 +536,8 @@ void AlignWithImages(const Task& task, const std::vector<ReferenceViews>& refere
     BearingObservation& o = r.problem.observations[match.observation];
     const size_t reference = ReferenceOf(r, match.observation);
     const auto pixel = pixel_of.find(match.observation);
-    if (!well[reference] || (pixel == pixel_of.end() && elsewhere.count(match.observation) == 0)) {
+    const bool untried = o.active && pixel == pixel_of.end() && elsewhere.count(match.observation) == 0;
+    if (!well[reference] || untried) {
       as_found.matches.push_back(match);
     } else if (pixel == pixel_of.end()) {
       o.active = false;

@@ -47,9 +47,14 @@ class ViewAligner {
   AlignedViews Run(const std::vector<std::vector<size_t>>& of_reference, int threads, const CancelToken& cancel) const {
     std::vector<std::vector<Sought>> sought(of_reference.size());
     std::map<int, std::vector<Sought*>> of_image;
+    AlignedViews all;
     for (size_t i = 0; i < of_reference.size(); ++i) {
       for (const size_t k : of_reference[i]) {
-        if (const auto best = MostAlike(k)) sought[i].push_back({k, *best});
+        if (const auto best = MostAlike(k)) {
+          sought[i].push_back({k, *best});
+        } else if (!ReadByRows(k)) {
+          all.elsewhere.push_back(k);
+        }
       }
       for (Sought& s : sought[i]) of_image[r_.image_of[s.in_image]].push_back(&s);
     }
@@ -61,7 +66,6 @@ class ViewAligner {
     std::vector<AlignedViews> found(sought.size());
     ParallelFor(static_cast<int64_t>(sought.size()), threads, cancel,
                 [&](int64_t i) { found[static_cast<size_t>(i)] = AlignReference(sought[static_cast<size_t>(i)]); });
-    AlignedViews all;
     for (const AlignedViews& f : found) Append(f, &all);
     return all;
   }
@@ -78,6 +82,26 @@ class ViewAligner {
   size_t ViewOf(size_t k) const { return static_cast<size_t>(p_.observations[k].view - first_view_[ReferenceOf(k)]); }
   const Eigen::Vector3d& PointOf(size_t k) const { return p_.points[static_cast<size_t>(p_.observations[k].point)]; }
 
+  // Calls `visit` with each believed observation of the same point by an image of the run.
+  template <typename Visit>
+  void VisitImages(size_t k, Visit&& visit) const {
+    const auto same = [&](size_t j) { return p_.observations[j].point == p_.observations[k].point; };
+    const auto consider = [&](size_t j) {
+      if (r_.image_of[j] >= 0 && p_.observations[j].active) visit(j);
+    };
+    for (size_t j = k; j > 0 && same(j - 1); --j) consider(j - 1);
+    for (size_t j = k + 1; j < p_.observations.size() && same(j); ++j) consider(j);
+  }
+  // By a camera whose images are not aligned.
+  bool IsReadByRows(size_t j) const {
+    return input_.cameras[static_cast<size_t>(p_.observations[j].view)].readout_s != 0;
+  }
+  bool ReadByRows(size_t k) const {
+    bool any = false;
+    VisitImages(k, [&](size_t j) { any = any || IsReadByRows(j); });
+    return any;
+  }
+
   // The run's observation of the same point that sees it most alike: from about the same side and as large.
   std::optional<size_t> MostAlike(size_t k) const {
     const Eigen::Vector3d& y = PointOf(k);
@@ -85,10 +109,8 @@ class ViewAligner {
     const Eigen::Vector3d to_view = view.from_world.TargetOriginInSource() - y;
     std::optional<size_t> best;
     double least = 0;
-    const auto same = [&](size_t j) { return p_.observations[j].point == p_.observations[k].point; };
-    const auto consider = [&](size_t j) {
-      const bool of_image = r_.image_of[j] >= 0 && p_.observations[j].active;
-      if (!of_image || input_.cameras[static_cast<size_t>(p_.observations[j].view)].readout_s != 0) return;
+    VisitImages(k, [&](size_t j) {
+      if (IsReadByRows(j)) return;
       const PlacedCamera camera = PlacedOf(j);
       const auto pixel = camera.camera.Project(p_.observations[j].ray.cast<double>());
       if (!pixel || !HasRoomForPatch(camera.camera, *pixel)) return;
@@ -97,9 +119,7 @@ class ViewAligner {
       const double ratio = camera.camera.MeanFocal() / to_camera.norm() / (view.camera.MeanFocal() / to_view.norm());
       const double unlike = angle + std::abs(std::log(ratio));
       if (!best || unlike < least) best = j, least = unlike;
-    };
-    for (size_t j = k; j > 0 && same(j - 1); --j) consider(j - 1);
-    for (size_t j = k + 1; j < p_.observations.size() && same(j); ++j) consider(j);
+    });
     return best;
   }
 

@@ -13,7 +13,7 @@ struct AlignedViews {
   int64_t tried = 0;
   std::vector<size_t> observations;  // of the problem, that are aligned
   std::vector<Eigen::Vector2f> pixels;
-  std::vector<size_t> elsewhere;  // those whose pictures do not show the same
+  std::vector<size_t> elsewhere;  // those of which no picture shows the same
 };
 
 // Of references in a solution that has them about right, and whose images are aligned with each other
