@@ -89,9 +89,6 @@ void AddReferences(const std::vector<ReferenceViews>& references, const std::vec
   AddObservations(rows, r);
 }
 
-// Of an observation of a reference.
-size_t ReferenceOf(const Reconstruction& r, size_t k) { return static_cast<size_t>(-1 - r.image_of[k]); }
-
 // Whether an observation is one of the references taken.
 bool IsOf(const Reconstruction& r, size_t k, const std::vector<bool>& taken) {
   return r.image_of[k] < 0 && taken[ReferenceOf(r, k)];
@@ -457,7 +454,7 @@ bool LeaveOutUndetermined(double most_sigma_m, std::vector<MatchGroup>* groups, 
 }
 
 // Gives the matches the noise that they show: not less than that of the images' features, which are found in the same
-// way. Returns by how much it grew. `unknowns`: others that they determine.
+// way. Returns the factor by which it grew. `unknowns`: others that they determine.
 double UpdateNoise(const RegistrationOptions& options, double unknowns, MatchGroup* group, Reconstruction* r) {
   constexpr double kMostNoise = 10;
   BundleProblem& p = r->problem;

@@ -21,8 +21,8 @@ struct SurfaceWarp {
 // A plane through the middle of a patch.
 struct ExpectedPlane {
   Eigen::Vector2d slope;  // depth, m, a px of the patch's picture
-  // How far from the patch's middle what is so far from it in its own picture is in the other one, px. Not finite where
-  // that does not show it.
+  // Takes how far a spot of the plane is from the patch's middle in the patch's picture, gives how far it is from there
+  // in the other picture, px. Not finite where the other picture does not show it.
   std::function<Eigen::Vector2d(const Eigen::Vector2d& px)> shown;
 };
 

@@ -19,7 +19,8 @@ struct PlacedCamera {
 // point, or where it appears several times larger to one than to the other.
 std::optional<SurfaceWarp> WarpBetween(const PlacedCamera& from, const PlacedCamera& to, const Eigen::Vector3d& point);
 
-// A plane through the point, as both show it. Nothing where `from` sees it edge on. Both have to outlive it.
+// A plane through the point, as both show it. Nothing where `from` sees it edge on. The result refers to
+// both cameras.
 std::optional<ExpectedPlane> PlaneBetween(const PlacedCamera& from, const PlacedCamera& to,
                                           const Eigen::Vector3d& point, const Eigen::Vector3d& normal);
 

@@ -75,11 +75,12 @@ class ViewAligner {
     const BearingObservation& o = p_.observations[k];
     const Rigid3d from_world = p_.views[static_cast<size_t>(o.view)] * p_.poses[static_cast<size_t>(o.pose)];
     if (r_.image_of[k] >= 0) return {input_.cameras[static_cast<size_t>(o.view)].camera, from_world};
-    return {references_[ReferenceOf(k)].rig.views[ViewOf(k)].camera, from_world};
+    return {references_[ReferenceOf(r_, k)].rig.views[ViewOf(k)].camera, from_world};
   }
-  size_t ReferenceOf(size_t k) const { return static_cast<size_t>(-1 - r_.image_of[k]); }
   // Of its reference.
-  size_t ViewOf(size_t k) const { return static_cast<size_t>(p_.observations[k].view - first_view_[ReferenceOf(k)]); }
+  size_t ViewOf(size_t k) const {
+    return static_cast<size_t>(p_.observations[k].view - first_view_[ReferenceOf(r_, k)]);
+  }
   const Eigen::Vector3d& PointOf(size_t k) const { return p_.points[static_cast<size_t>(p_.observations[k].point)]; }
 
   // Calls `visit` with each believed observation of the same point by an image of the run.
@@ -151,7 +152,7 @@ class ViewAligner {
     for (size_t k = 0; k < sought.size(); ++k) {
       const Sought& s = sought[k];
       const size_t view = ViewOf(s.in_view);
-      if (!pictures) pictures = input_.reference_pictures(static_cast<int>(ReferenceOf(s.in_view)));
+      if (!pictures) pictures = input_.reference_pictures(static_cast<int>(ReferenceOf(r_, s.in_view)));
       if (k == 0 || view != ViewOf(sought[k - 1].in_view)) {
         const cv::Mat grey = pictures->View(static_cast<int>(view));
         smooth = grey.empty() ? cv::Mat() : SmoothForPatches(grey);
@@ -207,7 +208,7 @@ AlignedViews AlignViews(const LocalizeInput& input, const std::vector<ReferenceV
   std::map<size_t, std::vector<size_t>> of_reference;
   for (size_t k = 0; k < r.problem.observations.size(); ++k) {
     if (r.image_of[k] >= 0 || !r.problem.observations[k].active) continue;
-    const auto reference = static_cast<size_t>(-1 - r.image_of[k]);
+    const size_t reference = ReferenceOf(r, k);
     if (first_view[reference] >= 0) of_reference[reference].push_back(k);
   }
   progress.Begin("aligning the pictures of references", static_cast<int64_t>(of_reference.size()));

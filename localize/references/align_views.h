@@ -9,6 +9,9 @@
 
 namespace trigpoint {
 
+// Of an observation of a reference: index into the references.
+inline size_t ReferenceOf(const Reconstruction& r, size_t k) { return static_cast<size_t>(-1 - r.image_of[k]); }
+
 struct AlignedViews {
   int64_t tried = 0;
   std::vector<size_t> observations;  // of the problem, that are aligned
@@ -16,9 +19,9 @@ struct AlignedViews {
   std::vector<size_t> elsewhere;  // those of which no picture shows the same
 };
 
-// Of references in a solution that has them about right, and whose images are aligned with each other
-// (patch_alignment.h). `references` as they are in the problem; `first_view` of each: index into BundleProblem::views,
-// -1 for those that are left as they are.
+// Needs a solution in which points lie within a few pixels of what the references see, of a run whose images are
+// aligned with each other (patch_alignment.h). `references` as they are in the problem; `first_view` of each: index
+// into BundleProblem::views, -1 for those that are left as they are.
 AlignedViews AlignViews(const LocalizeInput& input, const std::vector<ReferenceViews>& references,
                         const std::vector<int>& first_view, const Reconstruction& reconstruction, int threads,
                         ProgressSink& progress, const CancelToken& cancel);
