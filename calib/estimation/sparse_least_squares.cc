@@ -188,6 +188,8 @@ Eigen::MatrixXd SparseLeastSquares::SolveNormal(Eigen::MatrixXd right) const {
   return right;
 }
 
+const Eigen::VectorXd& SparseLeastSquares::Gradient() const { return system_->gradient(); }
+
 Eigen::MatrixXd SparseLeastSquares::CovarianceColumns(int first, int count) const {
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(Equations(), count);
   for (int i = 0; i < count; ++i) right(first + i, i) = 1;

@@ -87,9 +87,11 @@ class SparseLeastSquares {
   // Columns [first, first + count) of the whole of it.
   Eigen::MatrixXd CovarianceColumns(int first, int count) const;
   Eigen::MatrixXd SolveNormal(Eigen::MatrixXd right) const;  // covariance of all * right
-  Matrix6d PoseCovariance(int unknown) const;                // zero for one that is held
-  Eigen::VectorXd Residual(int factor) const;                // whitened, before the robust weight
-  double Weight(int factor) const;                           // rho'
+  // Of the cost at the present state, J' r with robust weights: not quite zero, as Solve ends beside the minimum.
+  const Eigen::VectorXd& Gradient() const;
+  Matrix6d PoseCovariance(int unknown) const;  // zero for one that is held
+  Eigen::VectorXd Residual(int factor) const;  // whitened, before the robust weight
+  double Weight(int factor) const;             // rho'
   // J Q J': covariance of the adjusted observations in units of the factor's own, before the robust weight.
   Eigen::MatrixXd AdjustedCovariance(int factor) const;
   // The same times the weight: the part of the observations that the fit takes.

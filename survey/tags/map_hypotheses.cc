@@ -1,7 +1,7 @@
 // What a single tag may have done to contradict the rest of a map: stand elsewhere in one of the runs, or be of another
 // size than stated. Each is tested as an extra parameter of the present solution (Baarda 1968, Teunissen 2006): with
 // A its derivative of the tag's whitened residuals, J the design and Q the inverse normal matrix,
-//   N = A'A - A'J Q J'A,   estimate = -N^-1 A'r,   T = (A'r)' N^-1 (A'r) ~ chi-square.
+//   N = A'A - A'J Q J'A,   g = A'r - A'J Q J'r,   estimate = -N^-1 g,   T = g' N^-1 g ~ chi-square.
 // Residuals alone don't show it: odometry bends and cameras step aside, and every picture looks a little wrong.
 #include <fmt/format.h>
 
@@ -79,7 +79,13 @@ void MapSolver::Test(Hypothesis* h, bool exact) const {
     gradient += a.transpose() * (std::sqrt(solver_.Weight(i)) * solver_.Residual(i));
     if (exact) solver_.AddTransposed(i, a, &coupling);
   }
-  if (exact) normal -= coupling.transpose() * solver_.SolveNormal(coupling);
+  if (exact) {
+    // The solution ends a little beside the minimum: what is left of its gradient is not the hypothesis's. Where almost
+    // nothing but this tag joins a run to the others, N is a small difference, and the remainder would decide.
+    const Eigen::MatrixXd solved = solver_.SolveNormal(coupling);
+    normal -= coupling.transpose() * solved;
+    gradient -= solved.transpose() * solver_.Gradient();
+  }
   // What the rest of the map takes in entirely cannot be tested.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(normal);
   const Eigen::VectorXd& values = eigen.eigenvalues();

@@ -471,6 +471,26 @@ TEST(TagMap, ControlThatNoPictureShowsIsNamedAndGeotagsHoldTheMap) {
   EXPECT_TRUE(named);
 }
 
+// Nothing but the tag itself joins the other run to the map: where it stands there cannot be tested.
+TEST(TagMap, ATagThatAloneJoinsARunIsNotSaidToHaveMoved) {
+  for (int seed = 40; seed < 60; ++seed) {
+    Yard yard = MakeYard(static_cast<uint64_t>(seed));
+    AddGeotags(0, &yard);
+    std::erase_if(yard.input.points, [](const SurveyPoint& p) { return p.tag_id > 2; });
+    for (SurveyRun& run : yard.input.runs) {
+      const int last = &run == &yard.input.runs[0] ? 0 : 2;
+      run.images.resize(20);
+      for (ImageDetections& image : run.images) {
+        std::erase_if(image.detections, [&](const TagDetection& d) { return d.id > last; });
+      }
+    }
+    SurveyOptions options;
+    options.max_iterations = 4;  // ends a little beside the minimum
+    const SurveyResult map = Survey(yard.input, options);
+    EXPECT_EQ(map.tags.at(0).status, "ok") << "seed " << seed << ": " << map.tags.at(0).reason;
+  }
+}
+
 // Heights above the sea in one of the two: the map starts at the geotags, and control has it elsewhere.
 TEST(TagMap, ControlHoldsTheMapWhereGeotagsLieApartFromIt) {
   Yard yard = MakeYard(24);
