@@ -28,14 +28,20 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The scene points of a run's reconstruction, and the lenses found there; where it cannot be read, neither is used.
+// The scene points of a run's reconstruction, with odometry on its clock, and the lenses found there; where it cannot
+// be read, neither is used.
 void UseReconstruction(const Project& project, const StageTarget& its, const SurveyStageOptions& options, Run* run,
                        SurveyRun* survey, std::vector<std::string>* warnings) {
   const bool points = UsesScenePoints(options, *run);
   if (!points && !UsesFoundLens(options, *run)) return;
   try {
-    const std::vector<BodyCamera> found = FoundLenses(ReconstructionManifest(project, "survey", its).parent_path());
-    if (points) AddTies(ReadReconstruction(project, "survey", its), options.ties_per_image, survey);
+    const fs::path dir = ReconstructionManifest(project, "survey", its).parent_path();
+    const std::vector<BodyCamera> found = FoundLenses(dir);
+    if (points) {
+      AddTies(ReadReconstruction(project, "survey", its), options.ties_per_image, survey);
+      MoveOdometry(OdometryTime(dir), run);
+      survey->odometry = run->odometry;
+    }
     TakeLenses(found, &run->cameras);
   } catch (const Error& e) {
     warnings->push_back(fmt::format(

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -12,6 +13,7 @@
 
 #include "calib/base/error.h"
 #include "datasets/project/manifest.h"
+#include "localize/files/clock_check.h"
 #include "localize/reconstruct/camera_arm.h"
 #include "localize/reconstruct/image_motion.h"
 #include "localize/reconstruct/lens_check.h"
@@ -385,6 +387,33 @@ LocalizeJob ReconstructOnce(const ReconstructRunOptions& options, const std::str
   return job;
 }
 
+// Reconstructs a run; where its images turn out to be late against odometry, again with the odometry of `as_read`
+// moved.
+LocalizeJob ReconstructOnOneClock(const std::function<LocalizeJob(StageContext&)>& reconstruct,
+                                  const ReconstructRunOptions& options, RunReconstruction* result, Run* as_read,
+                                  StageContext& context) {
+  constexpr int kRounds = 3;
+  constexpr double kMost_s = 0.5;  // what is of first order reaches no farther
+  double late_s = 0, sigma_s = 0;
+  for (int round = 1;; ++round) {
+    HeldLog log(context.progress);
+    StageContext held = WithProgress(context, log);
+    LocalizeJob job = reconstruct(held);
+    const auto late = FindLateImages(job.input, result->reconstruction, options, round > 1, context);
+    if (!late || round == kRounds || std::abs(late_s + late->late_s) > kMost_s) {
+      log.Release();  // what was said of other times may be their fault
+      if (late_s == 0) return job;
+      WriteOdometryTime(late_s, sigma_s, context.out / kOdometryTimeFile);
+      SayLate(*as_read, late_s, sigma_s, context);
+      return job;
+    }
+    const double by_s = std::round(1e9 * late->late_s) / 1e9;  // as the file has it
+    late_s += by_s, sigma_s = late->sigma_s;
+    MoveOdometry(by_s, as_read);
+    *result = {};
+  }
+}
+
 constexpr double kConvergedPx = 0.5;  // a lens has converged when it moves pixels by less
 
 bool HaveConverged(const std::vector<SelfCalibration>& lenses) {
@@ -485,34 +514,39 @@ void HeedCalibration(const ReconstructRunOptions& options, const fs::path& featu
 
 ReconstructedRun ReconstructFiles(Run run, const fs::path& features, const ReconstructRunOptions& options,
                                   const std::string& mode, StageContext& context) {
+  Run as_read = run;
   OdometryVerdict verdict;
-  const auto check = [&](const LocalizeJob& job) {
+  const auto check = [&](const LocalizeJob& job, StageContext& its_context) {
     if (!options.check_conventions || !job.input.has_odometry) return;
-    verdict = RequireConventions(job.input, options, &run, context);
+    verdict = RequireConventions(job.input, options, &run, its_context);
   };
-  const Run as_read = run;
   // A lens that is a guess would be blamed on odometry: there the check waits for the lens.
   const bool calibrated = std::none_of(run.cameras.begin(), run.cameras.end(),
                                        [](const BodyCamera& camera) { return camera.focal_sigma_share > 0; });
-  if (calibrated) check(MakeRunJob(run, features));
   ReconstructedRun out;
   RunReconstruction& result = out.reconstruction;
   LocalizeJob& job = out.job;
-  const auto reconstruct = [&] {
+  const auto reconstruct = [&](StageContext& its_context) {
+    if (calibrated) {
+      run = as_read;
+      check(MakeRunJob(run, features), its_context);
+    }
     const ReconstructRunOptions its = WithNoise(options, verdict.noise);
-    return calibrated || mode == "paper" ? ReconstructOnce(its, mode, features, run, context, &result)
-                                         : ReconstructWithItsCameras(its, mode, features, run, context, &result);
+    return calibrated || mode == "paper" ? ReconstructOnce(its, mode, features, run, its_context, &result)
+                                         : ReconstructWithItsCameras(its, mode, features, run, its_context, &result);
   };
-  job = reconstruct();
+  const bool heed = options.check_conventions && mode != "paper";
+  const bool on_clock = calibrated && heed && !run.odometry.poses.empty();
+  job = on_clock ? ReconstructOnOneClock(reconstruct, options, &result, &as_read, context) : reconstruct(context);
   if (!calibrated) {
-    check(job);
-    if (verdict.drifted || verdict.noise > 1) job = reconstruct();
+    check(job, context);
+    if (verdict.drifted || verdict.noise > 1) job = reconstruct(context);
   }
   if (options.check_conventions && job.input.has_odometry && result.pairs_joined == 0) {
     const std::string odometry = (run.dir / "odometry.tum").string();
     if (const auto wrong = ContradictedByPairs(job.input, result.pairs_rejected, odometry)) throw InputError(*wrong);
   }
-  if (calibrated && options.check_conventions && mode != "paper") {
+  if (calibrated && heed) {
     RequireCalibration(job.input, result, context);
     if (job.input.has_odometry) {
       HeedCalibration(options, features, as_read, context, &verdict, &job, &result);
@@ -520,6 +554,7 @@ ReconstructedRun ReconstructFiles(Run run, const fs::path& features, const Recon
       if (verdict.drifted) RequireDriftExplains(run, result.reconstruction);
     }
     RequireArms(run, job.input, result.reconstruction, context);
+    RequireOneClock(run, job.input, result.reconstruction, options, context);
   }
   if (!job.input.has_odometry || !result.reconstruction.lens_roots.empty()) HeedLenses(job.input, &result, context);
   if (job.input.has_odometry && mode != "paper") {

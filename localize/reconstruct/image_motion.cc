@@ -19,6 +19,7 @@
 #include "datasets/io/image.h"
 #include "datasets/io/text.h"
 #include "datasets/io/trajectory.h"
+#include "datasets/io/yaml.h"
 
 namespace trigpoint {
 namespace {
@@ -227,10 +228,17 @@ std::vector<BodyCamera> FoundLenses(const std::filesystem::path& dir) {
   return std::filesystem::exists(file) ? ReadCamchain(file) : std::vector<BodyCamera>();
 }
 
+double OdometryTime(const std::filesystem::path& dir) {
+  const std::filesystem::path file = dir / kOdometryTimeFile;
+  if (!std::filesystem::exists(file)) return 0;
+  return YamlMap(file, LoadYaml(file), {"time_offset_s"}).Number("time_offset_s", 0);
+}
+
 void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site) {
   const std::vector<BodyCamera> calibrated = run->cameras;
   TakeLenses(FoundLenses(dir), &run->cameras);
   if (site != nullptr) FollowLenses(calibrated, *run, site);
+  MoveOdometry(OdometryTime(dir), run);
   if (!run->odometry.poses.empty()) return;
   run->odometry = ReadTrajectory(dir / kMotionFile);
   run->config.odometry_scale_sigma = ScaleSigmaOf(dir / kMotionFile);
@@ -240,6 +248,18 @@ void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site
   std::erase_if(run->images, [&](const ImageEntry& i) {
     return placed.count(BodyStamp(i.stamp_ns, run->cameras[static_cast<size_t>(i.camera)])) == 0;
   });
+}
+
+void MoveOdometry(double by_s, Run* run) {
+  for (TimedPose& pose : run->odometry.poses) pose.stamp_ns += std::llround(1e9 * by_s);
+  run->config.odometry_time_offset_s += by_s;
+}
+
+void WriteOdometryTime(double by_s, double sigma_s, const std::filesystem::path& file) {
+  WriteFileAtomically(file,
+                      fmt::format("# added to the stamps of odometry, as images are late against it; 1 sigma {:.4f} "
+                                  "s\ntime_offset_s: {:.9f}\n",
+                                  sigma_s, by_s));
 }
 
 void TakeCameras(const std::vector<SelfCalibration>& found, Run* run) {

@@ -1,6 +1,6 @@
 // What `reconstruct` finds of a run that its inputs leave out, for itself and the stages after it: the motion of a run
 // without odometry (motion.tum), followed as odometry whose length nothing has measured; the lenses of cameras that
-// nobody calibrated (camchain.yaml).
+// nobody calibrated (camchain.yaml); what is to be added to odometry's times (odometry_time.yaml).
 #pragma once
 
 #include <filesystem>
@@ -22,6 +22,7 @@ inline constexpr double kUnknownScaleSigma = 10;
 
 inline constexpr const char* kMotionFile = "motion.tum";
 inline constexpr const char* kFoundCamerasFile = "camchain.yaml";
+inline constexpr const char* kOdometryTimeFile = "odometry_time.yaml";
 
 // By how much images' own motion is too short, by fixes at the times of its poses: true over found length.
 // Nothing where GPS does not show more than its own noise. A few wrong fixes do not matter.
@@ -49,10 +50,17 @@ void WriteMotion(const LocalizeInput& input, const BundleProblem& solved, const 
 
 // The cameras with the lenses that the reconstruction in a folder has found, for TakeLenses; none if it has found none.
 std::vector<BodyCamera> FoundLenses(const std::filesystem::path& dir);
+// What the reconstruction in a folder has found that is to be added to odometry's stamps, s; 0: nothing.
+double OdometryTime(const std::filesystem::path& dir);
 // What the folder of a reconstruction says becomes the run's: its motion and how well its length is known, where the
-// run has no odometry (images without a place in it leave the run), and the lenses found, which photos of `site` that
-// were taken with these cameras follow.
+// run has no odometry (images without a place in it leave the run), the correction of odometry's times, and the lenses
+// found, which photos of `site` that were taken with these cameras follow.
 void FollowReconstruction(const std::filesystem::path& dir, Run* run, Site* site = nullptr);
+
+// Odometry's stamps become later.
+void MoveOdometry(double by_s, Run* run);
+// Writes by how much, for FollowReconstruction.
+void WriteOdometryTime(double by_s, double sigma_s, const std::filesystem::path& file);
 
 // The lenses found take the places of the run's guesses.
 void TakeCameras(const std::vector<SelfCalibration>& found, Run* run);

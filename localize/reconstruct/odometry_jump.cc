@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "calib/estimation/bundle_terms.h"
-#include "calib/estimation/loss.h"
 #include "calib/estimation/ransac.h"
 #include "calib/geo/geodetic.h"
 #include "calib/geometry/bearing.h"
 #include "calib/geometry/nearest_to_rays.h"
+#include "localize/reconstruct/believed_images.h"
 #include "localize/reconstruct/reconstruct.h"
 
 namespace trigpoint {
@@ -230,13 +230,6 @@ std::optional<JumpByPoints> FindJumpByPoints(const LocalizeInput& input, const R
 
 namespace {
 
-std::shared_ptr<const ceres::LossFunction> LossTimes(const std::shared_ptr<const ceres::LossFunction>& loss,
-                                                     double factor) {
-  const auto* const known = dynamic_cast<const Chi2Loss*>(loss.get());
-  if (known == nullptr) return loss;
-  return MakeLoss(known->name(), factor * known->threshold());
-}
-
 // Odometry's steps from moment to moment: indices of factors.
 std::vector<size_t> OdometrySteps(const LocalizeInput& input, const BundleProblem& p) {
   const std::vector<int> moments = MomentsOfPoses(input);
@@ -293,23 +286,19 @@ std::optional<ContradictedStep> FindContradictedStep(const LocalizeInput& input,
   constexpr double kLeastGain = 38.3;  // chi-square of 6 degrees of freedom, once in a million
   constexpr double kOfBest = 0.5;
   const std::vector<size_t> steps = OdometrySteps(input, r.problem);
-  const double most = InflationBy(kMostCorrelation);
-  if (!input.has_odometry || steps.size() < kLeastSteps || r.correlation_inflation <= most) return {};
-  const double narrower = r.correlation_inflation / most;
-  BundleProblem p = r.problem;
-  for (BearingObservation& o : p.observations) o.w *= static_cast<float>(narrower);
-  p.loss = LossTimes(p.loss, narrower * narrower);
+  if (!input.has_odometry || steps.size() < kLeastSteps) return {};
+  const std::optional<BelievedImages> believed = BelieveImages(r, threads, cancel);
+  if (!believed) return {};
+  const BundleProblem& p = believed->problem;
   BundleOptions bundle;
   bundle.threads = threads;
-  ProgressSink silent;
-  const double cost = SolveBundle(p, bundle, silent, cancel).final_cost;
   ContradictedStep found;
   Eigen::Vector3d by_images = Eigen::Vector3d::Zero();
   double rest = 0;
   std::vector<std::pair<size_t, double>> gains;
   for (const size_t k : WorstSteps(p, steps)) {
     BundleProblem q = p;
-    gains.emplace_back(k, 2 * (cost - SolveWithout(k, bundle, cancel, &q)));
+    gains.emplace_back(k, 2 * (believed->cost - SolveWithout(k, bundle, cancel, &q)));
     if (gains.back().second <= found.gain) continue;
     const PoseFactor& f = q.factors[k];
     by_images = StepBetween(q, f.a, f.b);

@@ -5,10 +5,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
+#include <functional>
 #include <map>
 
 #include "calib/estimation/random.h"
 #include "localize/reconstruct/camera_arm.h"
+#include "localize/reconstruct/clock_error.h"
 
 namespace trigpoint {
 namespace {
@@ -21,8 +24,8 @@ struct Street {
 
 // 120 frames, 0.8 m and 0.1 s apart; points on both sides and on the ground. `k1`: distortion of the camera that nobody
 // knows of. `winding`: of the way, to both sides, m. `late_s`: a second camera takes its pictures so much later; 0:
-// there is none.
-Street MakeStreet(double k1, uint64_t seed, double winding = 0, double late_s = 0) {
+// there is none. `pace`: by how much of it the speed changes.
+Street MakeStreet(double k1, uint64_t seed, double winding = 0, double late_s = 0, double pace = 0) {
   Street street;
   Random random(seed);
   constexpr int kFrames = 120;
@@ -36,7 +39,8 @@ Street MakeStreet(double k1, uint64_t seed, double winding = 0, double late_s = 
   camera.cam_from_body = {Eigen::Quaterniond(cam_from_body), Eigen::Vector3d::Zero()};
   street.input.cameras = {camera};
   if (late_s > 0) street.input.cameras.push_back(camera);
-  const auto body_at = [&](double frame) {
+  const auto body_at = [&](double time) {
+    const double frame = time + 10 * pace * std::sin(time / 10);
     const double phase = kStep * frame / 5, heading = std::atan(winding / 5 * std::sin(phase));
     return Rigid3d(ExpSO3({0, 0, heading}), {kStep * frame, winding * (1 - std::cos(phase)), 0});
   };
@@ -249,6 +253,66 @@ TEST(Reconstruct, CamerasThatStandElsewhereOnTheBodyAreFound) {
     if (off_m == 0) continue;
     EXPECT_LT(error->arm_m.x() * off_m, 0) << error->arm_m.transpose();
   }
+}
+
+// Poses with the odometry of another time, as their images were taken that much earlier than stated.
+Street WithLateImages(Street street, double late_s, const std::function<bool(size_t pose)>& are_late) {
+  Trajectory odometry;
+  for (size_t k = 0; k < street.odom_from_body.size(); ++k) {
+    odometry.poses.push_back({street.input.pose_stamps[k], street.input.odom_from_body[k]});
+  }
+  for (size_t k = 0; k < street.odom_from_body.size(); ++k) {
+    const auto at = odometry.At(street.input.pose_stamps[k] + std::llround(1e9 * late_s), 1'000'000'000);
+    if (are_late(k) && at) street.input.odom_from_body[k] = *at;
+  }
+  return street;
+}
+
+std::vector<ClockError> ErrorsOf(const Street& street) { return FindClockErrors(street.input, Solve(street), 2, {}); }
+
+// Of the images of a camera, or of a part of the run, whichever is most significant.
+ClockError MostSignificant(const std::vector<ClockError>& errors) {
+  return *std::max_element(errors.begin() + 1, errors.end(),
+                           [](const auto& a, const auto& b) { return a.Sigmas() < b.Sigmas(); });
+}
+
+TEST(Reconstruct, ImagesThatAreLateAreFound) {
+  constexpr double kLate_s = 0.08;
+  const Street street = MakeStreet(0, 5, 3, 0, 0.5);
+  const std::vector<ClockError> good = ErrorsOf(street);
+  EXPECT_LT(good.front().Sigmas(), 3) << good.front().late_s;
+  EXPECT_LT(MostSignificant(good).Sigmas(), 4) << MostSignificant(good).late_s;
+
+  // Of first order: a correction is made in steps.
+  const ClockError all = ErrorsOf(WithLateImages(street, kLate_s, [](size_t) { return true; })).front();
+  EXPECT_NEAR(all.late_s, kLate_s, 0.3 * kLate_s) << all.sigma_s;
+  EXPECT_GT(all.Sigmas(), 5) << all.sigma_s;
+
+  const ClockError part = MostSignificant(ErrorsOf(WithLateImages(street, kLate_s, [](size_t k) { return k >= 60; })));
+  EXPECT_NEAR(part.late_s, kLate_s, 0.4 * kLate_s) << part.sigma_s;
+  EXPECT_GT(part.Sigmas(), 6) << part.sigma_s;
+  ASSERT_TRUE(part.from_ns);
+  EXPECT_NEAR(1e-9 * static_cast<double>(*part.from_ns), 6, 1);
+}
+
+TEST(Reconstruct, ACameraWhoseImagesAreLateIsFound) {
+  constexpr double kLate_s = 0.02;
+  const Street street = MakeStreet(0, 5, 3, 0.05, 0.5);
+  EXPECT_LT(MostSignificant(ErrorsOf(street)).Sigmas(), 4);
+  for (const ClockError& e : ErrorsOf(WithLateImages(street, kLate_s, [](size_t pose) { return pose % 2 == 1; }))) {
+    if (e.camera < 0) continue;
+    EXPECT_NEAR(e.late_s, e.camera == 1 ? kLate_s : -kLate_s, 0.3 * kLate_s) << e.camera << " sigma " << e.sigma_s;
+    EXPECT_GT(e.Sigmas(), 6) << e.sigma_s;
+  }
+}
+
+// A camera that stands elsewhere moves otherwise where the body turns, which is no clock.
+TEST(Reconstruct, ACameraThatStandsElsewhereIsNotLate) {
+  Street street = MakeStreet(0, 5, 3, 0, 0.5);
+  BodyCamera& camera = street.input.cameras.front();
+  camera.cam_from_body.translation = -(camera.cam_from_body.rotation * Eigen::Vector3d(0.3, 0.15, 0));
+  const ClockError all = ErrorsOf(street).front();
+  EXPECT_TRUE(std::abs(all.late_s) < 0.01 || all.Sigmas() < 3) << all.late_s << " sigma " << all.sigma_s;
 }
 
 }  // namespace

@@ -1,0 +1,98 @@
+#include "localize/files/clock_check.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/base/error.h"
+#include "datasets/project/manifest.h"
+#include "localize/files/run_reconstruction.h"
+
+namespace trigpoint {
+namespace {
+
+// What images and odometry show of the images' times; nothing where images are so far apart that the body may have
+// stood still at each, or have times in whole seconds.
+std::vector<ClockError> ClockErrorsOf(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                      const ReconstructRunOptions& options, const StageContext& context) {
+  if (!input.has_odometry || input.time_resolution_s > 0 || MedianStep(input) > options.pairs.video_step_m) return {};
+  try {
+    return FindClockErrors(input, reconstruction, context.threads, context.cancel);
+  } catch (const NumericError&) {
+    return {};  // what does not determine the poses shows no times
+  }
+}
+
+bool IsMoreSignificant(const ClockError& e, const ClockError* than) {
+  if (than == nullptr) return true;
+  // Of two cameras each is as late as the other is early: the second is named.
+  const bool cameras = e.camera >= 0 && than->camera >= 0;
+  return e.Sigmas() > (cameras ? 0.999 : 1) * than->Sigmas();
+}
+
+// What is late: "the images of camera cam1", and what else looks like it.
+std::pair<std::string, std::string> Describe(const LocalizeInput& input, const ClockError& e) {
+  if (e.camera >= 0) {
+    const std::string& camera = input.cameras[static_cast<size_t>(e.camera)].name;
+    return {"the images of camera " + camera,
+            fmt::format("those of the other cameras; expected one clock for all cameras: correct their times, or "
+                        "timeshift_cam_imu of {} in camchain.yaml, and check its T_cam_imu",
+                        camera)};
+  }
+  if (!e.from_ns) {
+    return {
+        "the images",
+        "odometry.tum, which a correction of its times does not mend; expected one clock for both: check the times of "
+        "both, and the lengths and the rates that odometry has in parts of the run"};
+  }
+  return {
+      fmt::format("from about {:.1f} s on the images", 1e-9 * static_cast<double>(*e.from_ns)),
+      "odometry.tum, and before that they are not; expected one clock for both: check the times and the order of the "
+      "images (one that was lost shifts the times of all that follow) and of odometry. Odometry whose lengths are "
+      "wrong in a part of the run looks the same"};
+}
+
+}  // namespace
+
+void RequireOneClock(const Run& run, const LocalizeInput& input, const Reconstruction& reconstruction,
+                     const ReconstructRunOptions& options, const StageContext& context) {
+  constexpr double kLeast_s = 0.1, kSigmas = 6;
+  const ClockError* worst = nullptr;
+  const std::vector<ClockError> errors = ClockErrorsOf(input, reconstruction, options, context);
+  for (const ClockError& e : errors) {
+    const bool late = std::abs(e.late_s) > kLeast_s && e.Sigmas() > kSigmas;
+    if (late && IsMoreSignificant(e, worst)) worst = &e;
+  }
+  if (worst == nullptr) return;
+  const auto [images, others] = Describe(input, *worst);
+  throw RefusedInput(kRefusedOdometry,
+                     fmt::format("{}: {} are {:+.2f} s late (1 sigma {:.2f} s) against {}. Option "
+                                 "check_conventions=false skips this check",
+                                 (run.dir / "images.txt").string(), images, worst->late_s, worst->sigma_s, others));
+}
+
+std::optional<ClockError> FindLateImages(const LocalizeInput& input, const Reconstruction& reconstruction,
+                                         const ReconstructRunOptions& options, bool begun,
+                                         const StageContext& context) {
+  constexpr double kLeast_s = 0.05, kSigmas = 5, kRest_s = 0.01, kRestSigmas = 2;
+  const std::vector<ClockError> errors = ClockErrorsOf(input, reconstruction, options, context);
+  if (errors.empty()) return std::nullopt;
+  const ClockError& all = errors.front();
+  const double least_s = begun ? kRest_s : kLeast_s, sigmas = begun ? kRestSigmas : kSigmas;
+  return std::abs(all.late_s) > least_s && all.Sigmas() > sigmas ? std::optional(all) : std::nullopt;
+}
+
+void SayLate(const Run& run, double late_s, double sigma_s, StageContext& context) {
+  context.metrics["odometry_time_correction_s"] = {{"late_s", late_s}, {"sigma_s", sigma_s}};
+  context.progress.Log(
+      LogLevel::kWarning,
+      fmt::format("{}: the images are {:+.3f} s late against odometry.tum (1 sigma {:.3f} s), as the path "
+                  "shows that they were taken on; the times of odometry are corrected by that. Set "
+                  "odometry: {{time_offset_s: {:.3f}}} in run.yaml, or correct the times",
+                  (run.dir / "images.txt").string(), late_s, sigma_s, run.config.odometry_time_offset_s));
+}
+
+}  // namespace trigpoint
