@@ -304,6 +304,8 @@ void DropSimultaneous(Run* run) {
     return same(a, b) && a.path == b.path && a.video_frame == b.video_frame;
   };
   images.erase(std::unique(images.begin(), images.end(), twice), images.end());
+  const bool whole =
+      std::all_of(images.begin(), images.end(), [](const ImageEntry& i) { return i.stamp_ns % 1'000'000'000 == 0; });
   std::vector<ImageEntry> kept;
   std::string first;
   for (size_t i = 0; i < images.size();) {
@@ -317,9 +319,10 @@ void DropSimultaneous(Run* run) {
     i = end;
   }
   if (first.empty()) return;
-  run->warnings.push_back(run->dir.string() + ": left out " + Counted(images.size() - kept.size(), "image") +
-                          " with the time of another image of the same camera (" + first +
-                          "), as nothing shows which time is right; give each image its own time");
+  run->warnings.push_back(
+      run->dir.string() + ": left out " + Counted(images.size() - kept.size(), "image") +
+      " with the time of another image of the same camera (" + first + "), as nothing shows which time is right; " +
+      (whole ? "all times are whole seconds: give them to a millisecond" : "give each image its own time"));
   images = std::move(kept);
 }
 

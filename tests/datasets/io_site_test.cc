@@ -104,6 +104,7 @@ TEST_F(SiteTest, SkipsBadImagesAndCountsThem) {
   EXPECT_THAT(warnings, HasSubstr("timestamps are out of order"));
   EXPECT_THAT(warnings,
               HasSubstr("left out 2 images with the time of another image of the same camera ('images/2.png'"));
+  EXPECT_THAT(warnings, HasSubstr("all times are whole seconds: give them to a millisecond"));
 }
 
 TEST_F(SiteTest, TakesNamesAsTheyAre) {
