@@ -12,10 +12,9 @@
 namespace trigpoint {
 namespace {
 
-// Odometry's scale; the body's turn and place in its cameras; how late all images are, s. Then of each candidate the
-// same of its own images beside that.
+// Odometry's scale; the body's turn and place in its cameras; how late all images are, s. Those of the candidates
+// follow.
 enum Parameter : Eigen::Index { kScale, kMount, kLate = kMount + 6, kCommon };
-enum OfCandidate : Eigen::Index { kItsMount, kItsLate = kItsMount + 6, kOwn };
 
 constexpr double kClockSigma_s = 10;               // wide: it is looked for
 constexpr double kMountSigma_rad = 1 * kDegToRad;  // 1 sigma of what a calibration states
@@ -23,11 +22,12 @@ constexpr double kArmSigma_m = 0.05;               // of a camera among the othe
 constexpr double kBodySigma_m = 1;                 // of all: odometry is often of another point of the body
 constexpr int kPlaces = 16;                        // along a run at which its clock may step
 
-// Images that may be late by themselves.
+// Images that may be late by themselves: of a camera, which may stand elsewhere, too, or of a part of the run.
 struct Some {
   std::vector<bool> poses;  // that are theirs
   int camera = -1;
   std::optional<int64_t> from_ns;
+  Eigen::Index mount = 0, late = 0, end = 0;  // its parameters: its turn and place, if any, and how late they are
 };
 
 Rigid3d Small(const Vector6d& turn_and_shift) {
@@ -79,6 +79,12 @@ std::vector<Some> Candidates(const LocalizeInput& input) {
     std::fill(later.poses.begin() + static_cast<std::ptrdiff_t>(from), later.poses.end(), true);
     candidates.push_back(std::move(later));
   }
+  Eigen::Index next = kCommon;
+  for (Some& some : candidates) {
+    some.mount = next;
+    some.late = next + (some.camera >= 0 ? 6 : 0);
+    next = some.end = some.late + 1;
+  }
   return candidates;
 }
 
@@ -92,33 +98,36 @@ std::vector<ClockError> FindClockErrors(const LocalizeInput& input, const Recons
   const BundleProblem& p = believed ? believed->problem : r.problem;
   const std::vector<Some> candidates = Candidates(input);
   const std::vector<MotionRate> rates = RatesOf(input);
-  const auto first = [](size_t candidate) { return kCommon + kOwn * static_cast<Eigen::Index>(candidate); };
   const auto residual = [&](const PoseFactor& f, const Eigen::VectorXd& x) -> Vector6d {
     const auto a = static_cast<size_t>(f.a), b = static_cast<size_t>(f.b);
     Rigid3d moved_a = Small(x.segment<6>(kMount)), moved_b = moved_a;
     double late_a = x(kLate), late_b = x(kLate);
-    for (size_t c = 0; c < candidates.size(); ++c) {
-      const Some& some = candidates[c];
+    for (const Some& some : candidates) {
       // The step at which a clock steps may be a jump of odometry: no part of it counts as the clock's.
       if (some.from_ns && some.poses[a] != some.poses[b]) continue;
-      const Rigid3d moved = Small(x.segment<6>(first(c) + kItsMount));
-      const double late = x(first(c) + kItsLate);
-      if (some.poses[a]) moved_a = moved * moved_a, late_a += late;
-      if (some.poses[b]) moved_b = moved * moved_b, late_b += late;
+      if (some.poses[a]) late_a += x(some.late);
+      if (some.poses[b]) late_b += x(some.late);
+      if (some.mount == some.late) continue;
+      const Rigid3d moved = Small(x.segment<6>(some.mount));
+      if (some.poses[a]) moved_a = moved * moved_a;
+      if (some.poses[b]) moved_b = moved * moved_b;
     }
     const Rigid3d predicted = moved_a * p.poses[a] * p.poses[b].Inverse() * moved_b.Inverse();
     Rigid3d measured = Since(rates[a], late_a) * f.measured * Since(rates[b], late_b).Inverse();
     measured.translation *= 1 + x(kScale);
     return f.sqrt_info * predicted.Minus(measured);
   };
-  Eigen::VectorXd sigmas = Eigen::VectorXd::Constant(first(candidates.size()), kClockSigma_s);
+  Eigen::VectorXd sigmas =
+      Eigen::VectorXd::Constant(candidates.empty() ? kCommon : candidates.back().end, kClockSigma_s);
   const auto set_mount = [&](Eigen::Index at, double arm_sigma_m) {
     sigmas.segment<3>(at).setConstant(kMountSigma_rad);
     sigmas.segment<3>(at + 3).setConstant(arm_sigma_m);
   };
   sigmas(kScale) = input.scale_sigma;
   set_mount(kMount, kBodySigma_m);
-  for (size_t c = 0; c < candidates.size(); ++c) set_mount(first(c) + kItsMount, kArmSigma_m);
+  for (const Some& some : candidates) {
+    if (some.mount < some.late) set_mount(some.mount, kArmSigma_m);
+  }
   const OdometryParameters parameters(p, residual, sigmas, threads, cancel);
   std::vector<Eigen::Index> common(kCommon);
   std::iota(common.begin(), common.end(), 0);
@@ -129,11 +138,10 @@ std::vector<ClockError> FindClockErrors(const LocalizeInput& input, const Recons
     errors.push_back({e.value(last), std::sqrt(e.covariance(last, last)), camera, from_ns});
   };
   estimate(common, -1, std::nullopt);
-  for (size_t c = 0; c < candidates.size(); ++c) {
+  for (const Some& some : candidates) {
     std::vector<Eigen::Index> asked = common;
-    // The mount of a part of a run's images is that of all.
-    for (Eigen::Index k = candidates[c].from_ns ? kItsLate : kItsMount; k < kOwn; ++k) asked.push_back(first(c) + k);
-    estimate(asked, candidates[c].camera, candidates[c].from_ns);
+    for (Eigen::Index k = some.mount; k < some.end; ++k) asked.push_back(k);
+    estimate(asked, some.camera, some.from_ns);
   }
   return errors;
 }
