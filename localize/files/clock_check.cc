@@ -30,7 +30,7 @@ bool IsMoreSignificant(const ClockError& e, const ClockError* than) {
   if (than == nullptr) return true;
   // Of two cameras each is as late as the other is early: the second is named.
   const bool cameras = e.camera >= 0 && than->camera >= 0;
-  return e.Sigmas() > (cameras ? 0.999 : 1) * than->Sigmas();
+  return e.Sigmas() > (cameras ? 0.95 : 1) * than->Sigmas();
 }
 
 // What is late: "the images of camera cam1", and what else looks like it.
@@ -59,11 +59,11 @@ std::pair<std::string, std::string> Describe(const LocalizeInput& input, const C
 
 void RequireOneClock(const Run& run, const LocalizeInput& input, const Reconstruction& reconstruction,
                      const ReconstructRunOptions& options, const StageContext& context) {
-  constexpr double kLeast_s = 0.1, kSigmas = 6;
+  constexpr double kLeast_s = 0.1, kSigmas = 5, kPartSigmas = 6;  // there are 15 places to choose from
   const ClockError* worst = nullptr;
   const std::vector<ClockError> errors = ClockErrorsOf(input, reconstruction, options, context);
   for (const ClockError& e : errors) {
-    const bool late = std::abs(e.late_s) > kLeast_s && e.Sigmas() > kSigmas;
+    const bool late = std::abs(e.late_s) > kLeast_s && e.Sigmas() > (e.from_ns ? kPartSigmas : kSigmas);
     if (late && IsMoreSignificant(e, worst)) worst = &e;
   }
   if (worst == nullptr) return;
