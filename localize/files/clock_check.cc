@@ -33,7 +33,11 @@ bool IsMoreSignificant(const ClockError& e, const ClockError* than) {
   return e.Sigmas() > (cameras ? 0.95 : 1) * than->Sigmas();
 }
 
-// What is late: "the images of camera cam1", and what else looks like it.
+std::string Late(double late_s, double sigma_s) {
+  return fmt::format("{:.3f} s {} (1 sigma {:.3f} s)", std::abs(late_s), late_s < 0 ? "early" : "late", sigma_s);
+}
+
+// What is late ("the images of camera cam1"), and against what, with what to do.
 std::pair<std::string, std::string> Describe(const LocalizeInput& input, const ClockError& e) {
   if (e.camera >= 0) {
     const std::string& camera = input.cameras[static_cast<size_t>(e.camera)].name;
@@ -68,10 +72,10 @@ void RequireOneClock(const Run& run, const LocalizeInput& input, const Reconstru
   }
   if (worst == nullptr) return;
   const auto [images, others] = Describe(input, *worst);
-  throw RefusedInput(kRefusedOdometry,
-                     fmt::format("{}: {} are {:+.2f} s late (1 sigma {:.2f} s) against {}. Option "
-                                 "check_conventions=false skips this check",
-                                 (run.dir / "images.txt").string(), images, worst->late_s, worst->sigma_s, others));
+  throw RefusedInput(
+      kRefusedOdometry,
+      fmt::format("{}: {} are {} against {}. Option check_conventions=false skips this check",
+                  (run.dir / "images.txt").string(), images, Late(worst->late_s, worst->sigma_s), others));
 }
 
 std::optional<ClockError> FindLateImages(const LocalizeInput& input, const Reconstruction& reconstruction,
@@ -89,10 +93,11 @@ void SayLate(const Run& run, double late_s, double sigma_s, StageContext& contex
   context.metrics["odometry_time_correction_s"] = {{"late_s", late_s}, {"sigma_s", sigma_s}};
   context.progress.Log(
       LogLevel::kWarning,
-      fmt::format("{}: the images are {:+.3f} s late against odometry.tum (1 sigma {:.3f} s), as the path "
-                  "shows that they were taken on; the times of odometry are corrected by that. Set "
-                  "odometry: {{time_offset_s: {:.3f}}} in run.yaml, or correct the times",
-                  (run.dir / "images.txt").string(), late_s, sigma_s, run.config.odometry_time_offset_s));
+      fmt::format(
+          "{}: the images are {} against odometry.tum, as the path on which they were taken shows; the times of "
+          "odometry are corrected by that. Set odometry: {{time_offset_s: {:.3f}}} in run.yaml, or correct the "
+          "times",
+          (run.dir / "images.txt").string(), Late(late_s, sigma_s), run.config.odometry_time_offset_s));
 }
 
 }  // namespace trigpoint

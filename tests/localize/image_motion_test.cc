@@ -97,5 +97,19 @@ TEST(FollowReconstruction, TakesOverHowWellTheLengthOfAMotionIsKnown) {
   EXPECT_EQ(without_unit.config.odometry_scale_sigma, kUnknownScaleSigma);
 }
 
+TEST(FollowReconstruction, MovesOdometryAsItsImagesAreLate) {
+  const TempDir dir;
+  trigpoint::Run run;
+  run.odometry.poses = {{5'000'000'000LL, Rigid3d()}, {6'000'000'000LL, Rigid3d()}};
+  run.config.odometry_time_offset_s = 0.5;
+  FollowReconstruction(dir.path(), &run);
+  EXPECT_EQ(run.odometry.poses.back().stamp_ns, 6'000'000'000LL);
+  WriteOdometryTime(-0.123456789, 0.01, dir.path() / kOdometryTimeFile);
+  FollowReconstruction(dir.path(), &run);
+  EXPECT_EQ(run.odometry.poses.front().stamp_ns, 5'000'000'000LL - 123'456'789);
+  EXPECT_EQ(run.odometry.poses.back().stamp_ns, 6'000'000'000LL - 123'456'789);
+  EXPECT_NEAR(run.config.odometry_time_offset_s, 0.5 - 0.123456789, 1e-12);
+}
+
 }  // namespace
 }  // namespace trigpoint
