@@ -28,8 +28,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The scene points of a run's reconstruction, with odometry on its clock, and the lenses found there; where it cannot
-// be read, neither is used.
+// The scene points of a run's reconstruction, with the correction of odometry's times, and the lenses found there;
+// where it cannot be read, none of them is used.
 void UseReconstruction(const Project& project, const StageTarget& its, const SurveyStageOptions& options, Run* run,
                        SurveyRun* survey, std::vector<std::string>* warnings) {
   const bool points = UsesScenePoints(options, *run);
@@ -40,7 +40,6 @@ void UseReconstruction(const Project& project, const StageTarget& its, const Sur
     if (points) {
       AddTies(ReadReconstruction(project, "survey", its), options.ties_per_image, survey);
       MoveOdometry(OdometryTime(dir), run);
-      survey->odometry = run->odometry;
     }
     TakeLenses(found, &run->cameras);
   } catch (const Error& e) {
@@ -64,12 +63,12 @@ void AddRun(const Project& project, const StageTarget& target, const SurveyStage
   SurveyRun survey;
   survey.name = run.name;
   survey.date = run.config.date;
-  survey.odometry = run.odometry;
   survey.scale_sigma = run.config.odometry_scale_sigma;
   survey.levelled = run.config.odometry_levelled && !IsFlat(run.odometry);
-  Run seen = run;  // through the lenses that `reconstruct` found
+  Run seen = run;  // through the lenses that `reconstruct` found, with odometry's times as corrected there
   UseReconstruction(project, its, options, &seen, &survey, &job->warnings);
   survey.cameras = seen.cameras;
+  survey.odometry = seen.odometry;
   survey.images = detections != nullptr ? detections->at(run.name) : ReadDetections(file, 0.5, &job->warnings);
   LeaveOutExcluded(project.review(), run.name, survey.images);
   MoveToImageTimes(seen, project.site().tags, &survey.images);

@@ -401,7 +401,7 @@ LocalizeJob ReconstructOnOneClock(const std::function<LocalizeJob(StageContext&)
     LocalizeJob job = reconstruct(held);
     const auto late = FindLateImages(job.input, result->reconstruction, options, round > 1, context);
     if (!late || round == kRounds || std::abs(late_s + late->late_s) > kMost_s) {
-      log.Release();  // what was said of other times may be their fault
+      log.Release();  // what was said with other times of odometry is not
       if (late_s == 0) return job;
       WriteOdometryTime(late_s, sigma_s, context.out / kOdometryTimeFile);
       SayLate(*as_read, late_s, sigma_s, context);

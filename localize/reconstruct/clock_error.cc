@@ -103,7 +103,7 @@ std::vector<ClockError> FindClockErrors(const LocalizeInput& input, const Recons
     Rigid3d moved_a = Small(x.segment<6>(kMount)), moved_b = moved_a;
     double late_a = x(kLate), late_b = x(kLate);
     for (const Some& some : candidates) {
-      // The step at which a clock steps may be a jump of odometry: no part of it counts as the clock's.
+      // Odometry may have jumped between the two: nothing of that is attributed to the clock.
       if (some.from_ns && some.poses[a] != some.poses[b]) continue;
       if (some.poses[a]) late_a += x(some.late);
       if (some.poses[b]) late_b += x(some.late);

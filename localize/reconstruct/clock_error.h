@@ -11,9 +11,10 @@
 namespace trigpoint {
 
 struct ClockError {
-  double late_s = 0;   // stated less true time of the images, against odometry; of some: less that of the others
-  double sigma_s = 0;  // 1 sigma
-  int camera = -1;     // of one camera's images alone
+  // How much later than true the stated times of the images are, by odometry; of some images: beside those of all.
+  double late_s = 0;
+  double sigma_s = 0;                             // 1 sigma
+  int camera = -1;                                // of one camera's images alone
   std::optional<int64_t> from_ns = std::nullopt;  // of the images from there on alone
   double Sigmas() const;
 };

@@ -22,8 +22,8 @@ struct ParameterEstimate {
 
 class OdometryParameters {
  public:
-  // Of a problem that is solved. Steps of a parameter of 1e-5 must be small; `sigmas`: 1 sigma of each about zero
-  // before anything is measured. Throws NumericError.
+  // Of a problem that is solved. `residual` is differentiated numerically, by steps of 1e-5 of each parameter.
+  // `sigmas`: 1 sigma of each about zero before anything is measured. Throws NumericError.
   OdometryParameters(const BundleProblem& problem, const ParameterResidual& residual, const Eigen::VectorXd& sigmas,
                      int threads, const CancelToken& cancel);
   // Some of the parameters, in this order, the others zero. Throws NumericError.

@@ -24,7 +24,7 @@ struct Street {
 
 // 120 frames, 0.8 m and 0.1 s apart; points on both sides and on the ground. `k1`: distortion of the camera that nobody
 // knows of. `winding`: of the way, to both sides, m. `late_s`: a second camera takes its pictures so much later; 0:
-// there is none. `pace`: by how much of it the speed changes.
+// there is none. `pace`: the share by which the speed rises and falls.
 Street MakeStreet(double k1, uint64_t seed, double winding = 0, double late_s = 0, double pace = 0) {
   Street street;
   Random random(seed);
@@ -299,11 +299,14 @@ TEST(Reconstruct, ACameraWhoseImagesAreLateIsFound) {
   constexpr double kLate_s = 0.02;
   const Street street = MakeStreet(0, 5, 3, 0.05, 0.5);
   EXPECT_LT(MostSignificant(ErrorsOf(street)).Sigmas(), 4);
+  int cameras = 0;
   for (const ClockError& e : ErrorsOf(WithLateImages(street, kLate_s, [](size_t pose) { return pose % 2 == 1; }))) {
     if (e.camera < 0) continue;
     EXPECT_NEAR(e.late_s, e.camera == 1 ? kLate_s : -kLate_s, 0.3 * kLate_s) << e.camera << " sigma " << e.sigma_s;
     EXPECT_GT(e.Sigmas(), 6) << e.sigma_s;
+    ++cameras;
   }
+  EXPECT_EQ(cameras, 2);
 }
 
 // A camera that stands elsewhere moves otherwise where the body turns, which is no clock.
