@@ -39,11 +39,15 @@ struct Task {
   const CancelToken& cancel;
 
   bool IsPaper() const { return options.mode == "paper"; }
-  BundleOptions Bundle(int max_iterations) const {
+  BundleOptions Bundle() const {
     BundleOptions bundle;
     bundle.threads = threads;
-    bundle.max_iterations = max_iterations;
-    bundle.relative_cost_tolerance = 1e-5;
+    return bundle;
+  }
+  // Of solutions that others follow.
+  BundleOptions RoughBundle() const {
+    BundleOptions bundle = Bundle();
+    bundle.distance_tolerance = 0.5;
     return bundle;
   }
 };
@@ -284,7 +288,7 @@ void UseWorld(const Task& task, const WorldEvidence& evidence, EarthFit* earth, 
   WorldFit& fit = result->world;
   earth->covariance.reset();
   earth->input.registration = result->geo;
-  fit = FitWorld(task.input, earth->input, task.gps, evidence, task.options.geo, task.Bundle(20), &p,
+  fit = FitWorld(task.input, earth->input, task.gps, evidence, task.options.geo, task.Bundle(), &p,
                  &result->reconstruction.summary, task.progress, task.cancel);
   earth->covariance = CovarianceOf(task, result);
   result->on_earth = fit.solved;
@@ -317,7 +321,7 @@ void UseSources(const Task& task, bool with_headings, EarthFit* earth, Localizat
     ApplyScale(scale, &p);
     // Lever arms do not scale: one more solution accounts for it.
     earth->covariance.reset();
-    result->reconstruction.summary = SolveBundle(p, task.Bundle(5), task.progress, task.cancel);
+    result->reconstruction.summary = SolveBundle(p, task.Bundle(), task.progress, task.cancel);
     earth->input = CollectEarth(task, *result);
     if (!with_headings) LeaveOutHeadings(&earth->input);
     earth->covariance = CovarianceOf(task, result);
@@ -478,7 +482,7 @@ void SolveWithNoise(const Task& task, double unknowns, std::vector<MatchGroup>* 
   Reconstruction& r = result->reconstruction;
   size_t matches = 0;
   for (const MatchGroup& group : *groups) matches += group.matches.size();
-  const auto solve = [&] { r.summary = SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel); };
+  const auto solve = [&] { r.summary = SolveBundle(r.problem, task.RoughBundle(), task.progress, task.cancel); };
   for (int round = 0; round < kRounds; ++round) {
     bool settled = true;
     for (MatchGroup& group : *groups) {
@@ -585,7 +589,7 @@ void TurnPanoramas(const Task& task, const std::vector<ReferenceViews>& referenc
     const std::vector<TurnedView> views = FreeViews(panoramas, *shown, &p);
     TurnsShown turns{*shown, 0};
     for (int round = 0; round < kRounds; ++round) {
-      SolveBundle(p, task.Bundle(10), task.progress, task.cancel);
+      SolveBundle(p, task.RoughBundle(), task.progress, task.cancel);
       const double before = turns.sigma_rad;
       turns = UpdateTurns(views, task.threads, task.cancel, &p);
       SolveWithNoise(task, turns.unknowns, groups, result);
@@ -607,7 +611,7 @@ void SolveWith(const Task& task, const std::vector<ReferenceViews>& references, 
   for (size_t i = 0; i < taken.size(); ++i)
     groups.front().unknowns += taken[i] && result->references[i].pose >= 0 ? kPoseUnknowns : 0;
   LeaveOutUndetermined(task.options.registration.max_sigma_m, &groups, result);
-  SolveBundle(r.problem, task.Bundle(10), task.progress, task.cancel);
+  SolveBundle(r.problem, task.RoughBundle(), task.progress, task.cancel);
   SolveWithNoise(task, 0, &groups, result);
   AlignWithImages(task, references, taken, &groups, result);
   if (groups.size() > 1) SolveWithNoise(task, 0, &groups, result);
@@ -778,6 +782,8 @@ Localization Localize(const LocalizeInput& input, Reconstruction run, const std:
     HoldReferences(&result);
   } else {
     SolveJointly(task, refine, std::move(references), std::move(registrations), &result);
+    Reconstruction& r = result.reconstruction;
+    r.summary = SolveBundle(r.problem, task.Bundle(), progress, cancel);
   }
   steps.End("joint solution");
   EarthFit earth = Georeference(task, world_evidence, &result);

@@ -227,7 +227,7 @@ StageInfo SiteStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SiteStageOptions>(project, "site", target);
     StageRequest request;
-    request.version = 5;
+    request.version = 6;
     request.options = JsonFromOptions(options);
     for (const std::string& run : RunsOf(project, options)) {
       const StageTarget localized = Localized(run, target);

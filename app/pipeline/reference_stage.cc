@@ -121,7 +121,7 @@ StageInfo ReferenceStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<ReferenceStageOptions>(project, "reference", target);
     StageRequest request;
-    request.version = 2;
+    request.version = 3;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     for (const char* file : {"images.txt", "camchain.yaml", "odometry.tum", "run.yaml"}) {

@@ -163,7 +163,7 @@ StageInfo SurveyStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const auto options = ResolveOptions<SurveyStageOptions>(project, "survey", target);
     StageRequest request;
-    request.version = 22;
+    request.version = 23;
     request.options = JsonFromOptions(options);
     request.inputs = SurveyInputs(project, target, options);
     request.values["detector"] = JsonFromOptions(DetectorOptions(project, target));

@@ -25,7 +25,9 @@ class BundleModel final : public SparseProblem {
     for (size_t i = 0; i < p.poses.size(); ++i) {
       const bool constant = !p.pose_constant.empty() && p.pose_constant[i];
       block_.push_back(constant ? -1 : static_cast<int>(tangents.size()));
-      if (!constant) tangents.push_back(6);
+      if (constant) continue;
+      pose_of_.push_back(i);
+      tangents.push_back(6);
     }
     for (size_t s = 0; s < p.scales.size(); ++s) {
       const bool constant = p.scales[s].constant;
@@ -108,6 +110,14 @@ class BundleModel final : public SparseProblem {
 
   std::vector<Eigen::Vector3d>& PointPositions() override { return moving_->points; }
 
+  Eigen::Vector3d MovedAlong(int block, const Vector6d& step, const Eigen::Vector3d& y,
+                             const Eigen::Vector3d& by) const override {
+    const Rigid3d& pose = p_.poses[pose_of_[static_cast<size_t>(block)]];
+    const Eigen::Vector3d turned = pose.rotation * y;
+    const Eigen::Vector3d along = -(pose.rotation.conjugate() * (step.head<3>().cross(turned) + step.tail<3>()));
+    return pose.Plus(step).Inverse() * (pose * (y + by - along));
+  }
+
   void Step(const Eigen::VectorXd& step) override {
     old_poses_ = moving_->poses;
     old_scales_ = moving_->scales;
@@ -132,6 +142,7 @@ class BundleModel final : public SparseProblem {
   const BundleProblem& p_;
   BundleProblem* moving_;
   std::vector<int> block_, scale_block_;  // of each pose and scale, -1: held
+  std::vector<size_t> pose_of_;           // of each block that is one's
   std::vector<size_t> free_scales_;
   std::vector<Rigid3d> old_poses_;
   std::vector<OdometryScale> old_scales_;
@@ -189,8 +200,9 @@ BundleSummary SolveBundle(BundleProblem& p, const BundleOptions& options, Progre
   SparseSystem system(model);
   const Workers workers{options.threads, cancel};
   progress.Begin("bundle adjustment", options.max_iterations);
-  const SparseSummary s =
-      Minimise(&model, &system, {options.max_iterations, options.relative_cost_tolerance, 0, 1e-5}, workers, progress);
+  const SparseSummary s = Minimise(
+      &model, &system, {options.max_iterations, options.relative_cost_tolerance, options.distance_tolerance, 1e-5},
+      workers, progress);
   if (s.singular) {
     throw NumericError(
         "bundle adjustment: the normal equations are singular: the data do not determine every pose, point and scale");

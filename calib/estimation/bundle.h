@@ -100,8 +100,11 @@ struct BundleProblem {
 };
 
 struct BundleOptions {
-  int max_iterations = 30;
-  double relative_cost_tolerance = 1e-6;  // stop when the cost falls by less than this part of itself
+  int max_iterations = 50;
+  // Stop when the squared distance to the minimum, in standard deviations, is less. Covariances hold only there: the
+  // cost of a long run hardly falls while its ends still move by many sigmas.
+  double distance_tolerance = 0.05;
+  double relative_cost_tolerance = 0;  // or when the cost falls by less than this part of itself, if that will do
   int threads = 0;
 };
 

@@ -325,18 +325,21 @@ bool SparseSystem::Linearise(const SparseProblem& problem, bool open, const Work
   return matrix_.Factorize(0, workers.threads);
 }
 
-SparseSystem::Step SparseSystem::SolveStep(SparseProblem* problem, double damping, const Workers& workers) const {
-  Step step{-gradient_, problem->PointPositions()};
+SparseSystem::Step SparseSystem::SolveStep(const SparseProblem& problem, double damping, const Workers& workers) const {
+  Step step;
+  step.blocks = -gradient_;
   matrix_.Solve(step.blocks);
   step.decrement = -gradient_.dot(step.blocks);
   step.by_damping = damping * diagonal_.dot(step.blocks.cwiseAbs2());
-  if (!problem->points_constant && problem->Points() > 0) MovePoints(*problem, damping, workers, &step);
+  if (!problem.points_constant && problem.Points() > 0) MovePoints(problem, damping, workers, &step);
   return step;
 }
 
 // The points' equations are computed again, at a fifth of what keeping them from Build would need in memory.
 void SparseSystem::MovePoints(const SparseProblem& problem, double damping, const Workers& workers, Step* step) const {
   std::vector<double> decrements(chunks_.size(), 0.0), by_damping(chunks_.size(), 0.0);
+  step->points.assign(static_cast<size_t>(problem.Points()), Eigen::Vector3d::Zero());
+  step->carriers.assign(static_cast<size_t>(problem.Points()), -1);
   ParallelFor(kChunks, workers.threads, workers.cancel, [&](int64_t c) {
     std::vector<PointTerm> terms;
     const auto [begin, end] = chunks_[static_cast<size_t>(c)];
@@ -347,11 +350,12 @@ void SparseSystem::MovePoints(const SparseProblem& problem, double damping, cons
       const double alone = e.gradient.dot(ldlt.solve(e.gradient));  // with the blocks held
       for (const PointTerm& t : terms) {
         if (t.state != PointTerm::State::kSeen || t.block < 0) continue;
+        if (int& carrier = step->carriers[static_cast<size_t>(j)]; carrier < 0) carrier = t.block;
         e.gradient += t.jy.transpose() * (t.jp * step->blocks.segment<6>(6 * t.block));
       }
       const Eigen::Vector3d by = ldlt.solve(e.gradient);
       if (!by.allFinite() || !std::isfinite(alone)) continue;
-      step->points[static_cast<size_t>(j)] -= by;
+      step->points[static_cast<size_t>(j)] = -by;
       decrements[static_cast<size_t>(c)] += alone;
       by_damping[static_cast<size_t>(c)] += by.dot((damped - e.hessian) * by);
     }
@@ -368,35 +372,72 @@ struct Attempt {
   double gain = 0;       // by how much the cost fell, as a part of what the equations predict
 };
 
+// Goes `far` times the step from where the points are `from`, and the blocks now. Returns the cost there.
+double Go(SparseProblem* problem, SparseSystem* system, const SparseSystem::Step& step, double far,
+          const std::vector<Eigen::Vector3d>& from, const Workers& workers) {
+  constexpr size_t kAtATime = 4096;
+  std::vector<Eigen::Vector3d>& to = problem->PointPositions();
+  const size_t count = step.points.size();
+  ParallelFor(static_cast<int64_t>((count + kAtATime - 1) / kAtATime), workers.threads, workers.cancel, [&](int64_t k) {
+    const size_t begin = static_cast<size_t>(k) * kAtATime;
+    for (size_t j = begin; j < std::min(count, begin + kAtATime); ++j) {
+      const int carrier = step.carriers[j];
+      const Eigen::Vector3d by = far * step.points[j];
+      to[j] = carrier < 0 ? from[j] + by
+                          : problem->MovedAlong(carrier, far * step.blocks.segment<6>(6 * carrier), from[j], by);
+    }
+  });
+  problem->Step(far * step.blocks);
+  return system->Cost(*problem, workers);
+}
+
+// How many times a step is to be made that the cost has fallen by `fall` with: to where the parabola through the cost
+// is least. Robust weights as they are make it look more curved than it is, where many residuals have small weights.
+double Farther(const SparseSystem::Step& step, double fall) {
+  constexpr double kFarthest = 4;
+  const double missing = step.decrement - fall;  // half of the curvature along the step
+  return 2 * kFarthest * missing > step.decrement ? 0.5 * step.decrement / missing : kFarthest;
+}
+
 // Takes a step with the given damping if that does not make the cost worse.
 Attempt TryStep(SparseProblem* problem, SparseSystem* system, double damping, const Workers& workers, double* cost) {
+  constexpr double kWorthwhile = 1.25;
   Attempt attempt;
   system->Build(*problem, damping, workers);
   attempt.factorised = system->Factorize(*problem, damping, workers);
   if (!attempt.factorised) return attempt;
-  SparseSystem::Step step = system->SolveStep(problem, damping, workers);
+  const SparseSystem::Step step = system->SolveStep(*problem, damping, workers);
   attempt.stepped = step.blocks.allFinite();
   if (!attempt.stepped) return attempt;
   attempt.decrement = step.decrement;
   attempt.damped = step.by_damping > kMostDamped * step.decrement;
-  problem->Step(step.blocks);
-  problem->PointPositions().swap(step.points);
-  const double fresh = system->Cost(*problem, workers);
-  attempt.accepted = std::isfinite(fresh) && fresh <= *cost;
-  attempt.gain = (*cost - fresh) / std::max(step.PredictedFall(), std::numeric_limits<double>::min());
-  if (attempt.accepted) {
-    *cost = fresh;
+  std::vector<Eigen::Vector3d> from = problem->PointPositions();
+  const double fresh = Go(problem, system, step, 1, from, workers), fall = *cost - fresh;
+  attempt.accepted = std::isfinite(fresh) && fall >= 0;
+  attempt.gain = fall / std::max(step.PredictedFall(), std::numeric_limits<double>::min());
+  if (!attempt.accepted) {
+    problem->Undo();
+    problem->PointPositions().swap(from);
+    return attempt;
+  }
+  *cost = fresh;
+  const double farther = Farther(step, fall);
+  if (farther < kWorthwhile) return attempt;
+  problem->Undo();
+  const double there = Go(problem, system, step, farther, from, workers);
+  if (there < fresh) {
+    *cost = there;
   } else {
     problem->Undo();
-    problem->PointPositions().swap(step.points);
+    Go(problem, system, step, 1, from, workers);
   }
   return attempt;
 }
 
 // Of the next step's damping, after one that was taken (Nielsen, "Damping parameter in Marquardt's method", 1999).
-// Where the cost fell just as predicted, damping is of no use any more, unless the same step with less was refused.
+// Where the cost fell as much as predicted, damping is of no use any more, unless the same step with less was refused.
 double FactorNearMinimum(double gain, bool refused_before) {
-  if (!refused_before && std::abs(gain - 1) < kAgreement) return kFallNear;
+  if (!refused_before && gain > 1 - kAgreement) return kFallNear;
   return std::max(kFall, 1 - std::pow(2 * gain - 1, 3));
 }
 

@@ -57,6 +57,11 @@ class SparseProblem {
   virtual bool EvaluateFactor(int factor, double* residual, double* const* jacobians) const = 0;
 
   virtual std::vector<Eigen::Vector3d>& PointPositions() = 0;
+  // Where a point at `y` goes, which the linear equations move by `by`, if its block makes a step that is not small:
+  // with the block that sees it, along an arc, and by the rest. Far from the origin, arcs and their tangents lie apart.
+  virtual Eigen::Vector3d MovedAlong(int, const Vector6d&, const Eigen::Vector3d& y, const Eigen::Vector3d& by) const {
+    return y + by;
+  }
   // Moves the blocks, six elements of `step` each; Undo takes the last step back.
   virtual void Step(const Eigen::VectorXd& step) = 0;
   virtual void Undo() = 0;
@@ -82,14 +87,15 @@ class SparseSystem {
   // The step that the factorised equations give, with the damping that they were built and factorised with.
   struct Step {
     Eigen::VectorXd blocks;               // six elements each
-    std::vector<Eigen::Vector3d> points;  // where they go
+    std::vector<Eigen::Vector3d> points;  // by how much each moves, as the equations say; empty: none moves
+    std::vector<int> carriers;            // the block that each moves along with (MovedAlong); below zero: none
     // With the gradient g, the equations H and the damping D: -g' step = step' (H + D) step, and step' D step. The
     // first is the squared distance to the minimum in standard deviations as far as damping adds little to it.
     double decrement = 0, by_damping = 0;
     // By how much the cost falls if it is as the equations describe it.
     double PredictedFall() const { return 0.5 * (decrement + by_damping); }
   };
-  Step SolveStep(SparseProblem* problem, double damping, const Workers& workers) const;
+  Step SolveStep(const SparseProblem& problem, double damping, const Workers& workers) const;
 
   const Eigen::VectorXd& gradient() const { return gradient_; }
   BlockCholesky& matrix() { return matrix_; }

@@ -231,14 +231,13 @@ LoopSummary CloseLoops(const LocalizeInput& input, const LoopOptions& options, c
   const std::vector<Rigid3d> before = p.poses;
   BundleOptions bundle;
   bundle.threads = threads;
-  bundle.max_iterations = 15;
   bundle.relative_cost_tolerance = 1e-4;
   BendPoses(input, loops, bundle, &p, progress, cancel);
   summary.merged_points = MergePoints(input, loops, r->sigma_px * r->correlation_inflation, r);
   Settle(reconstruct, 9 * reconstruct.outlier_chi2, r, threads, cancel);
   SolveBundle(p, bundle, progress, cancel);
   Settle(reconstruct, reconstruct.outlier_chi2, r, threads, cancel);
-  bundle.relative_cost_tolerance = 1e-5;
+  bundle.relative_cost_tolerance = 0;
   r->summary = SolveBundle(p, bundle, progress, cancel);
   Settle(reconstruct, reconstruct.outlier_chi2, r, threads, cancel);
   for (size_t i = 0; i < before.size(); ++i) {

@@ -290,19 +290,17 @@ void RetriangulateInvalid(double chi2, Reconstruction* r, int threads, const Can
 
 // The first poses are many sigmas of an observation off: with the final kernel correct observations would be
 // rejected, and a subset that agrees by chance would be kept. Kernel and gate begin wide and shrink together.
-void ApproachSolution(const ReconstructOptions& options, bool near, BundleOptions bundle, Reconstruction* r,
+void ApproachSolution(const ReconstructOptions& options, bool near, const BundleOptions& rough, Reconstruction* r,
                       ProgressSink& progress, const CancelToken& cancel) {
   BundleProblem& p = r->problem;
-  bundle.max_iterations = 12;
-  bundle.relative_cost_tolerance = 1e-3;
   r->point_valid.assign(p.points.size(), false);
   const std::vector<double> widths = near ? std::vector<double>{3.0} : std::vector<double>{20.0, 8.0, 3.0};
   for (const double wider : widths) {
     const double gate = wider * wider * options.outlier_chi2;
-    RetriangulateInvalid(gate, r, bundle.threads, cancel);
+    RetriangulateInvalid(gate, r, rough.threads, cancel);
     Gate(options, gate, r);
     p.loss = MakeLoss(options.loss, wider * wider * options.loss_chi2);
-    SolveBundle(p, bundle, progress, cancel);
+    SolveBundle(p, rough, progress, cancel);
   }
   p.loss = MakeLoss(options.loss, options.loss_chi2);
 }
@@ -591,8 +589,13 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
                            bool paper, int threads, ProgressSink& progress, const CancelToken& cancel) {
   Reconstruction r = Unsolved(input, start, tracks, std::move(track_observations), options);
   BundleProblem& p = r.problem;
-  BundleOptions bundle;
-  bundle.threads = threads;
+  BundleOptions precise;
+  precise.threads = threads;
+  BundleOptions rough = precise;
+  rough.max_iterations = 12;
+  rough.relative_cost_tolerance = 1e-3;
+  BundleOptions near = precise;  // enough for estimates of noise
+  near.distance_tolerance = 0.5;
   const std::vector<int> moments = MomentsOfPoses(input);
 
   Vector6d noise_factor = FirstNoiseFactor(start, options);
@@ -607,14 +610,12 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
     Gate(options, gate, &r);
     OptimizePoints(p, 10, threads, cancel);
   } else {
-    ApproachSolution(options, start.near, bundle, &r, progress, cancel);
+    ApproachSolution(options, start.near, rough, &r, progress, cancel);
   }
   for (int round = 0; round < rounds; ++round) {
     cancel.ThrowIfCancelled();
     Gate(options, gate, &r);
-    bundle.max_iterations = round + 1 < rounds ? 12 : 30;
-    bundle.relative_cost_tolerance = round + 1 < rounds ? 1e-3 : 1e-5;
-    r.summary = SolveBundle(p, bundle, progress, cancel);
+    r.summary = SolveBundle(p, round + 1 < rounds ? rough : near, progress, cancel);
     if (!paper) {
       RetriangulateInvalid(4 * options.outlier_chi2, &r, threads, cancel);
       gate = round == 0 ? 9 * options.outlier_chi2 : options.outlier_chi2;
@@ -631,12 +632,11 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
     }
   }
   if (!paper && options.estimate_sigma && options.estimate_odometry) {
-    WidenUntilConsistent(input, options, bundle, most_noise, &noise_factor, &r, progress, cancel);
+    WidenUntilConsistent(input, options, near, most_noise, &noise_factor, &r, progress, cancel);
   }
   Gate(options, options.outlier_chi2, &r);
   if (!paper) {
-    bundle.max_iterations = 10;
-    r.summary = SolveBundle(p, bundle, progress, cancel);
+    r.summary = SolveBundle(p, precise, progress, cancel);
     Gate(options, options.outlier_chi2, &r);
   }
   r.odometry_noise_factor = noise_factor;

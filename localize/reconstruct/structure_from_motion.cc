@@ -234,7 +234,7 @@ std::optional<Rigid3d> Place(const LocalizeInput& input, int image, const Sighte
     p.points.push_back(seen.points[static_cast<size_t>(k)]);
   }
   ProgressSink silent;
-  SolveBundle(p, {10, 1e-4, 1}, silent, cancel);
+  SolveBundle(p, {.max_iterations = 10, .relative_cost_tolerance = 1e-4, .threads = 1}, silent, cancel);
   return camera.cam_from_body.Inverse() * p.poses[0];
 }
 

@@ -252,8 +252,6 @@ void CheckDatum(const GeoStart& start, const SiteFitInput& site, const WorldEvid
 BundleOptions BundleOf(int threads) {
   BundleOptions bundle;
   bundle.threads = threads;
-  bundle.max_iterations = 20;
-  bundle.relative_cost_tolerance = 1e-5;
   return bundle;
 }
 

@@ -88,7 +88,7 @@ Nees Redraw(BundleProblem truth, const std::vector<Rigid3d>& views, const Camera
   ProgressSink silent;
   const CancelToken cancel;
   BundleOptions options;
-  options.relative_cost_tolerance = 1e-10;
+  options.distance_tolerance = 1e-10;
   SolveBundle(p, options, silent, cancel);
   const Vector6d e = p.poses.back().Minus(truth.poses.back());
   const auto nees = [&] {
