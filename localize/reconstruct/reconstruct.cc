@@ -569,7 +569,11 @@ Reconstruction Unsolved(const LocalizeInput& input, const ReconstructStart& star
   p.pose_constant.assign(p.poses.size(), false);
   if (!p.pose_constant.empty()) p.pose_constant[0] = true;
   p.points.assign(static_cast<size_t>(tracks), Eigen::Vector3d::Zero());
-  p.observations.reserve(track_observations.size());
+  // With room for those of loops and references, so that a long run never holds all of them twice.
+  const size_t room = track_observations.size() + track_observations.size() / 8;
+  p.observations.reserve(room);
+  r.image_of.reserve(room);
+  r.feature_of.reserve(room);
   for (const TrackObservation& t : track_observations) {
     const std::optional<BearingObservation> o = ObservationOf(input, t, options.sigma_px);
     if (!o) continue;

@@ -687,9 +687,10 @@ TrackSet JoinTracks(const LocalizeInput& input, const ViewGraph& graph, const Tr
     return CamFromOdom(input, graph.odom_from_body, o.image).rotation.conjugate() *
            *CameraOf(input, o.image).Unproject(o.pixel.cast<double>());
   };
-  TrackSet joined = tracks;
-  joined.tracks = 0;
-  joined.observations.clear();
+  TrackSet joined;
+  joined.verified_matches = tracks.verified_matches;
+  joined.pairs = tracks.pairs;
+  joined.odometry_contradicted = tracks.odometry_contradicted;
   const auto keep = [&](const TrackTable::Track& track) {
     if (static_cast<int>(track.size()) >= min_length) return true;
     return track.size() == 2 &&
