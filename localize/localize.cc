@@ -274,10 +274,28 @@ Rigid3d Stretched(Rigid3d pose, const Eigen::Vector3d& origin, double scale) {
   return pose;
 }
 
-// All lengths of the run, from its first place.
+// Where the views that observe from each pose are in the mean, in its rig.
+std::vector<Eigen::Vector3d> MeanArms(const BundleProblem& p) {
+  std::vector<Eigen::Vector3d> sums(p.poses.size(), Eigen::Vector3d::Zero());
+  std::vector<int> count(p.poses.size(), 0);
+  for (const BearingObservation& o : p.observations) {
+    const auto pose = static_cast<size_t>(o.pose);
+    sums[pose] += p.views[static_cast<size_t>(o.view)].TargetOriginInSource();
+    ++count[pose];
+  }
+  for (size_t i = 0; i < sums.size(); ++i) sums[i] /= std::max(1, count[i]);
+  return sums;
+}
+
+// All lengths of the run, from its first place: distances of points from the cameras, not from the rigs, whose own
+// lengths stay.
 void ApplyScale(double scale, BundleProblem* p) {
-  const Eigen::Vector3d origin = p->poses[0].TargetOriginInSource();
-  for (Rigid3d& pose : p->poses) pose = Stretched(pose, origin, scale);
+  const std::vector<Eigen::Vector3d> arms = MeanArms(*p);
+  const Eigen::Vector3d origin = p->poses[0].Inverse() * arms[0];
+  for (size_t i = 0; i < p->poses.size(); ++i) {
+    Rigid3d& pose = p->poses[i];
+    pose.translation += (scale - 1) * (pose.rotation * origin + pose.translation - arms[i]);
+  }
   for (Eigen::Vector3d& y : p->points) y = origin + scale * (y - origin);
   p->scales.front().value = scale;
 }
@@ -637,7 +655,8 @@ void SolveJointly(const Task& task, const RefineReferences& refine, std::vector<
 
 // The views' own poses (G1) and the distances were found before the run's scale was: they follow it.
 void ScaleRegistrations(Localization* result) {
-  const Eigen::Vector3d origin = result->reconstruction.problem.poses[0].TargetOriginInSource();
+  const BundleProblem& p = result->reconstruction.problem;
+  const Eigen::Vector3d origin = p.poses[0].Inverse() * MeanArms(p)[0];
   const double scale = result->odometry_scale;
   for (ReferenceAnswer& answer : result->references) {
     answer.registration.distance_m *= scale;
