@@ -352,7 +352,8 @@ void RunBundle(const Settings& settings, Outcome* out) {
   ProgressSink silent;
   const CancelToken never;
   out->solve = TimeOf([&] {
-    const BundleSummary summary = SolveBundle(p, {.relative_cost_tolerance = 1e-6, .threads = settings.threads}, silent, never);
+    const BundleSummary summary =
+        SolveBundle(p, {.relative_cost_tolerance = 1e-6, .threads = settings.threads}, silent, never);
     out->cost_before = summary.initial_cost, out->cost_after = summary.final_cost;
     out->iterations = summary.iterations;
   });
