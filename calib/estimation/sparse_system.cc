@@ -372,9 +372,9 @@ struct Attempt {
   double gain = 0;       // by how much the cost fell, as a part of what the equations predict
 };
 
-// Goes `far` times the step from where the points are `from`, and the blocks now. Returns the cost there.
-double Go(SparseProblem* problem, SparseSystem* system, const SparseSystem::Step& step, double far,
-          const std::vector<Eigen::Vector3d>& from, const Workers& workers) {
+// Moves points and blocks by `far` times the step: points from `from`, blocks from where they are.
+void Move(SparseProblem* problem, const SparseSystem::Step& step, double far, const std::vector<Eigen::Vector3d>& from,
+          const Workers& workers) {
   constexpr size_t kAtATime = 4096;
   std::vector<Eigen::Vector3d>& to = problem->PointPositions();
   const size_t count = step.points.size();
@@ -388,11 +388,11 @@ double Go(SparseProblem* problem, SparseSystem* system, const SparseSystem::Step
     }
   });
   problem->Step(far * step.blocks);
-  return system->Cost(*problem, workers);
 }
 
-// How many times a step is to be made that the cost has fallen by `fall` with: to where the parabola through the cost
-// is least. Robust weights as they are make it look more curved than it is, where many residuals have small weights.
+// By how much to multiply a step that made the cost fall by `fall`: the parabola through the cost before and after it
+// is least there. Where many residuals have small robust weights, the equations take the cost as more curved than it
+// is.
 double Farther(const SparseSystem::Step& step, double fall) {
   constexpr double kFarthest = 4;
   const double missing = step.decrement - fall;  // half of the curvature along the step
@@ -412,7 +412,8 @@ Attempt TryStep(SparseProblem* problem, SparseSystem* system, double damping, co
   attempt.decrement = step.decrement;
   attempt.damped = step.by_damping > kMostDamped * step.decrement;
   std::vector<Eigen::Vector3d> from = problem->PointPositions();
-  const double fresh = Go(problem, system, step, 1, from, workers), fall = *cost - fresh;
+  Move(problem, step, 1, from, workers);
+  const double fresh = system->Cost(*problem, workers), fall = *cost - fresh;
   attempt.accepted = std::isfinite(fresh) && fall >= 0;
   attempt.gain = fall / std::max(step.PredictedFall(), std::numeric_limits<double>::min());
   if (!attempt.accepted) {
@@ -424,12 +425,13 @@ Attempt TryStep(SparseProblem* problem, SparseSystem* system, double damping, co
   const double farther = Farther(step, fall);
   if (farther < kWorthwhile) return attempt;
   problem->Undo();
-  const double there = Go(problem, system, step, farther, from, workers);
+  Move(problem, step, farther, from, workers);
+  const double there = system->Cost(*problem, workers);
   if (there < fresh) {
     *cost = there;
   } else {
     problem->Undo();
-    Go(problem, system, step, 1, from, workers);
+    Move(problem, step, 1, from, workers);
   }
   return attempt;
 }

@@ -57,8 +57,8 @@ class SparseProblem {
   virtual bool EvaluateFactor(int factor, double* residual, double* const* jacobians) const = 0;
 
   virtual std::vector<Eigen::Vector3d>& PointPositions() = 0;
-  // Where a point at `y` goes, which the linear equations move by `by`, if its block makes a step that is not small:
-  // with the block that sees it, along an arc, and by the rest. Far from the origin, arcs and their tangents lie apart.
+  // Where a point at `y` goes that the equations move by `by`, while a block that sees it makes a step. The equations
+  // move it along a tangent; a pose that turns moves it along an arc, which lies apart from that far from the origin.
   virtual Eigen::Vector3d MovedAlong(int, const Vector6d&, const Eigen::Vector3d& y, const Eigen::Vector3d& by) const {
     return y + by;
   }

@@ -593,13 +593,9 @@ Reconstruction Reconstruct(const LocalizeInput& input, const ReconstructStart& s
                            bool paper, int threads, ProgressSink& progress, const CancelToken& cancel) {
   Reconstruction r = Unsolved(input, start, tracks, std::move(track_observations), options);
   BundleProblem& p = r.problem;
-  BundleOptions precise;
-  precise.threads = threads;
-  BundleOptions rough = precise;
-  rough.max_iterations = 12;
-  rough.relative_cost_tolerance = 1e-3;
-  BundleOptions near = precise;  // enough for estimates of noise
-  near.distance_tolerance = 0.5;
+  const BundleOptions rough{.max_iterations = 12, .relative_cost_tolerance = 1e-3, .threads = threads};
+  const BundleOptions near{.distance_tolerance = 0.5, .threads = threads};  // enough for estimates of noise
+  const BundleOptions precise{.threads = threads};
   const std::vector<int> moments = MomentsOfPoses(input);
 
   Vector6d noise_factor = FirstNoiseFactor(start, options);

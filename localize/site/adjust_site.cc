@@ -249,12 +249,6 @@ void CheckDatum(const GeoStart& start, const SiteFitInput& site, const WorldEvid
       "or the survey's tags (--use control, --use tags)");
 }
 
-BundleOptions BundleOf(int threads) {
-  BundleOptions bundle;
-  bundle.threads = threads;
-  return bundle;
-}
-
 void WarnOfMoved(const std::vector<TagInRun>& moved, const JoinedRuns& joined, std::vector<std::string>* warnings) {
   for (const TagInRun& tag : moved) {
     warnings->push_back(
@@ -317,7 +311,7 @@ SiteAdjustment AdjustSite(std::vector<SiteRun> runs, const WorldEvidence& eviden
     MergePoints(pairs, options.outlier_chi2, &joined, threads, cancel);
   };
   CheckDatum(start, site, world);
-  const BundleOptions bundle = BundleOf(threads);
+  const BundleOptions bundle{.threads = threads};
   std::vector<TagInRun> moved;
   out.fit =
       FitSite(joined.input, start, site, world, options.geo, bundle, &r.problem, &r.summary, &moved, progress, cancel);
