@@ -361,7 +361,7 @@ TEST(OdometryJump, WhereAPictureIsMissingTheImagesStandOut) {
   options.reconstruct.odometry_translation_part = 0;
   int found = 0;
   for (uint64_t seed = 3; seed <= 8; ++seed) {
-    Drive drive = MakeDrive(0.1, seed, 0.9, 40);
+    Drive drive = MakeDrive(0.15, seed, 0.9, 40);
     const size_t middle = drive.seen.size() / 2;
     drive.seen.erase(drive.seen.begin() + static_cast<std::ptrdiff_t>(middle));
     drive.input.images.pop_back();
