@@ -17,12 +17,14 @@
 #include "calib/base/parallel.h"
 #include "calib/estimation/loss.h"
 #include "calib/geometry/similarity.h"
+#include "datasets/solution/reference_rows.h"
 #include "localize/georegistration/gps_check.h"
 #include "localize/reconstruct/lens_check.h"
 #include "localize/references/align_views.h"
 #include "localize/references/determined.h"
 #include "localize/references/match_noise.h"
 #include "localize/references/mirrored.h"
+#include "localize/references/stray_photo.h"
 #include "localize/references/view_turns.h"
 
 namespace trigpoint {
@@ -329,6 +331,64 @@ void LeaveOutHeadings(EarthInput* earth) {
   for (GeoObservation& o : earth->observations) o.has_heading = o.has_tilt = false;
 }
 
+void NoteGeotags(const std::vector<ReferenceViews>& references, const GeoStart& earth, Localization* result) {
+  std::map<int, const ReferenceAnswer*> of_set;  // whose geotag is that of all photos of a hand-held set
+  for (size_t k = 0; k < earth.references.size(); ++k) {
+    if (earth.references[k] < 0) continue;
+    const auto i = static_cast<size_t>(earth.references[k]);
+    ReferenceAnswer& answer = result->references[i];
+    answer.geotag_used = true;
+    answer.geotag_outlier = result->geo.outlier[k];
+    answer.geotag_difference = result->geo.residuals[k];
+    if (references[i].set >= 0) of_set[references[i].set] = &answer;
+  }
+  for (size_t i = 0; i < references.size(); ++i) {
+    ReferenceAnswer& answer = result->references[i];
+    const auto shared = of_set.find(references[i].set);
+    if (answer.pose < 0 || shared == of_set.end()) continue;
+    answer.geotag_used = true;
+    answer.geotag_outlier = shared->second->geotag_outlier;
+    answer.geotag_difference = shared->second->geotag_difference;
+  }
+}
+
+// Repeated structure can put a reference elsewhere with a few dozen points. Where its own geotag says so, more of them
+// are needed; with many, it is the geotag that is wrong. Returns those that are rejected.
+std::set<size_t> RejectContradicted(int least, Localization* result) {
+  std::set<size_t> rejected;
+  for (size_t i = 0; i < result->references.size(); ++i) {
+    ReferenceAnswer& answer = result->references[i];
+    Registration& g = answer.registration;
+    const auto repeated = [](const ViewObservation& o) { return o.repeated; };
+    const auto points =
+        g.inliers.size() - static_cast<size_t>(std::count_if(g.inliers.begin(), g.inliers.end(), repeated));
+    if (answer.pose < 0 || !answer.geotag_outlier || points >= static_cast<size_t>(least)) continue;
+    g.status = AnswerStatus::kRejected;
+    g.reason = fmt::format("{} points of the run fit a pose {:.1f} m from its geotag, {} needed where the two disagree",
+                           points, answer.geotag_difference.norm(), least);
+    rejected.insert(i);
+  }
+  return rejected;
+}
+
+// References that are rejected bend no solution.
+void LeaveOut(const std::set<size_t>& rejected, Localization* result) {
+  Reconstruction& r = result->reconstruction;
+  for (const size_t i : rejected) {
+    ReferenceAnswer& answer = result->references[i];
+    r.problem.pose_constant[static_cast<size_t>(answer.pose)] = true;
+    answer.pose = answer.views.pose = -1;
+  }
+  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
+    if (r.image_of[k] < 0 && rejected.count(ReferenceOf(r, k)) > 0) r.problem.observations[k].active = false;
+  }
+}
+
+void LeaveOutContradicted(const Task& task, const EarthInput& earth, Localization* result) {
+  NoteGeotags(task.input.references, earth, result);
+  LeaveOut(RejectContradicted(task.options.registration.min_contradicted_inliers, result), result);
+}
+
 // The Earth by geotags and GPS, and the odometry's scale with it. One more round with the scale applied makes the run's
 // frame metric.
 void UseSources(const Task& task, bool with_headings, EarthFit* earth, Localization* result) {
@@ -336,6 +396,7 @@ void UseSources(const Task& task, bool with_headings, EarthFit* earth, Localizat
   result->geo = FitSources(task, p, 1, earth);
   if (result->geo.solved && !task.IsPaper()) {
     const double scale = result->odometry_scale = result->geo.world_from_odom.scale;
+    LeaveOutContradicted(task, earth->input, result);
     ApplyScale(scale, &p);
     // Lever arms do not scale: one more solution accounts for it.
     earth->covariance.reset();
@@ -353,9 +414,53 @@ void UseSources(const Task& task, bool with_headings, EarthFit* earth, Localizat
   result->odometry_scale_sigma = std::sqrt(result->geo.covariance(6, 6));
 }
 
+// The strays among the references of one set, by how well each is known in the solution.
+void FindStrays(std::vector<size_t> photos, const BundleProblem& p, const BundleCovariance& all,
+                const std::vector<ReferenceAnswer>& answers, std::set<size_t>* strays) {
+  std::vector<int> poses;
+  for (const size_t i : photos) poses.push_back(answers[i].pose);
+  const Eigen::MatrixXd joint = PlacesCovariance(p, poses, all);
+  std::vector<Eigen::Vector3d> places;
+  std::vector<Eigen::Matrix3d> covariances;
+  for (size_t k = 0; k < poses.size(); ++k) {
+    const auto at = 6 * static_cast<Eigen::Index>(k) + 3;
+    places.push_back(p.poses[static_cast<size_t>(poses[k])].TargetOriginInSource());
+    covariances.push_back(joint.block<3, 3>(at, at));
+  }
+  for (int k = 0; (k = StrayPhoto(places, covariances, kHeld_m)) >= 0;) {
+    strays->insert(photos[static_cast<size_t>(k)]);
+    photos.erase(photos.begin() + k), places.erase(places.begin() + k), covariances.erase(covariances.begin() + k);
+  }
+}
+
+// Photos of hand-held sets that were answered one by one: those that stand elsewhere than the others leave the
+// solution.
+void LeaveOutStrays(const Task& task, EarthFit* earth, Localization* result) {
+  BundleProblem& p = result->reconstruction.problem;
+  std::map<int, std::vector<size_t>> sets;
+  for (size_t i = 0; i < result->references.size(); ++i) {
+    const int set = task.input.references[i].set;
+    if (result->references[i].pose >= 0 && set >= 0) sets[set].push_back(i);
+  }
+  std::set<size_t> strays;
+  for (const auto& [set, photos] : sets) FindStrays(photos, p, *earth->covariance, result->references, &strays);
+  if (strays.empty()) return;
+  for (const size_t i : strays) {
+    Registration& g = result->references[i].registration;
+    g.status = AnswerStatus::kRejected;
+    g.reason = "stands elsewhere than the other photos of its set";
+  }
+  LeaveOut(strays, result);
+  earth->covariance.reset();
+  result->reconstruction.summary = SolveBundle(p, task.Bundle(), task.progress, task.cancel);
+  earth->covariance = CovarianceOf(task, result);
+}
+
 EarthFit Georeference(const Task& task, const WorldEvidence& evidence, Localization* result) {
   result->odometry_scale_sigma = task.input.scale_sigma;
   EarthFit earth;
+  earth.covariance = CovarianceOf(task, result);
+  if (!task.IsPaper()) LeaveOutStrays(task, &earth, result);
   earth.input = CollectEarth(task, *result);
   const std::optional<std::string> other_headings = OtherHeadings(earth.input.observations);
   if (other_headings) {
@@ -364,7 +469,6 @@ EarthFit Georeference(const Task& task, const WorldEvidence& evidence, Localizat
                           "; expected degrees clockwise from north; not used: correct table or EXIF");
     LeaveOutHeadings(&earth.input);
   }
-  earth.covariance = CovarianceOf(task, result);
   if (!task.input.has_frame) {
     result->earth_reason = "the project has no origin: give geotags, GPS, control points or origin.json";
     return earth;
@@ -667,43 +771,6 @@ void ScaleRegistrations(Localization* result) {
   }
 }
 
-void NoteGeotags(const std::vector<ReferenceViews>& references, const GeoStart& earth, Localization* result) {
-  std::map<int, const ReferenceAnswer*> of_set;  // whose geotag is that of all photos of a hand-held set
-  for (size_t k = 0; k < earth.references.size(); ++k) {
-    if (earth.references[k] < 0) continue;
-    const auto i = static_cast<size_t>(earth.references[k]);
-    ReferenceAnswer& answer = result->references[i];
-    answer.geotag_used = true;
-    answer.geotag_outlier = result->geo.outlier[k];
-    answer.geotag_difference = result->geo.residuals[k];
-    if (references[i].set >= 0) of_set[references[i].set] = &answer;
-  }
-  for (size_t i = 0; i < references.size(); ++i) {
-    ReferenceAnswer& answer = result->references[i];
-    const auto shared = of_set.find(references[i].set);
-    if (answer.pose < 0 || shared == of_set.end()) continue;
-    answer.geotag_used = true;
-    answer.geotag_outlier = shared->second->geotag_outlier;
-    answer.geotag_difference = shared->second->geotag_difference;
-  }
-}
-
-// Repeated structure can put a reference elsewhere with a few dozen points. Where its own geotag says so, more of them
-// are needed; with many, it is the geotag that is wrong.
-void RejectContradicted(int least, Localization* result) {
-  for (ReferenceAnswer& answer : result->references) {
-    Registration& g = answer.registration;
-    const auto repeated = [](const ViewObservation& o) { return o.repeated; };
-    const auto points =
-        g.inliers.size() - static_cast<size_t>(std::count_if(g.inliers.begin(), g.inliers.end(), repeated));
-    if (answer.pose < 0 || !answer.geotag_outlier || points >= static_cast<size_t>(least)) continue;
-    g.status = AnswerStatus::kRejected;
-    g.reason = fmt::format("{} points of the run fit a pose {:.1f} m from its geotag, {} needed where the two disagree",
-                           points, answer.geotag_difference.norm(), least);
-    answer.pose = -1;
-  }
-}
-
 // World pose of one of the problem's poses.
 PoseEstimate WorldPose(const Localization& result, int pose) {
   const auto at = static_cast<size_t>(pose);
@@ -741,7 +808,11 @@ void Answer(const Task& task, EarthFit earth, Localization* result) {
   if (result->on_earth) {
     NoteGeotags(task.input.references, earth.input, result);
     // The published method takes geotags as given: it rejects no panorama by its own.
-    if (!task.IsPaper()) RejectContradicted(task.options.registration.min_contradicted_inliers, result);
+    if (!task.IsPaper()) {
+      for (const size_t i : RejectContradicted(task.options.registration.min_contradicted_inliers, result)) {
+        result->references[i].pose = -1;
+      }
+    }
     std::vector<PoseEstimate> bodies(body_poses);
     ParallelFor(static_cast<int64_t>(body_poses), task.threads, task.cancel,
                 [&](int64_t i) { bodies[static_cast<size_t>(i)] = WorldPose(*result, static_cast<int>(i)); });

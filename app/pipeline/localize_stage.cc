@@ -97,7 +97,7 @@ StageInfo LocalizeStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const LocalizeStageOptions options = ResolveOptions<LocalizeStageOptions>(project, "localize", target);
     StageRequest request;
-    request.version = 35;
+    request.version = 36;
     request.options = JsonFromOptions(options);
     const Run& run = project.run(target.run);
     StageTarget plain = target;
@@ -158,7 +158,7 @@ StageInfo LocalizeStage() {
         solution.georeference->evidence = world.EvidenceOf(result.world);
         context.metrics["world"]["evidence"] = solution.georeference->evidence;
       }
-      WriteLocalizedSolution(site, job, &solution, context.out);
+      WriteLocalizedSolution(site, job, result, &solution, context.out);
     };
     // The frame of the answers is the project's; an edit of trigpoint.yaml that moves it makes them out of date.
     if (project.has_frame()) {

@@ -105,7 +105,7 @@ StageInfo ReconstructStage() {
   info.make = [](const Project& project, const StageTarget& target) {
     const ReconstructRunOptions options = OptionsFor(project, target);
     StageRequest request;
-    request.version = 30;
+    request.version = 31;
     request.options = IdentityOptions(project, target);
     request.inputs = RunInputs(project, project.run(target.run));
     request.inputs.push_back(ManifestOf(project, "features", Plain(target)));

@@ -163,6 +163,15 @@ bool CoversItsPicture(const Camera& camera) {
   return true;
 }
 
+constexpr double kMostDecentring = 0.01;  // real lenses: at most a few thousandths
+
+// By how much decentring moves the pixels of the corners, share of half the diagonal.
+double DecentringShift(const Camera& camera) {
+  const std::vector<double>& p = camera.params();
+  if (camera.model() != CameraModel::kRadtan && camera.model() != CameraModel::kRational) return 0;
+  return 3 * std::hypot(p[6], p[7]) * 0.5 * std::hypot(camera.width(), camera.height()) / camera.MeanFocal();
+}
+
 // Calibrations that no real camera has: a mistyped number, or the parameters of another picture size.
 void WarnOfImplausibleCameras(Run* run) {
   for (const BodyCamera& c : run->cameras) {
@@ -185,6 +194,12 @@ void WarnOfImplausibleCameras(Run* run) {
     if (std::abs(p[2] - 0.5 * width) > 0.3 * width || std::abs(p[3] - 0.5 * height) > 0.3 * height) {
       warn(fmt::format("principal point {:g}, {:g}; expected near the middle {:g}, {:g}", p[2], p[3], 0.5 * (width - 1),
                        0.5 * (height - 1)));
+    }
+    if (const double shift = DecentringShift(c.camera); shift > kMostDecentring) {
+      warn(
+          fmt::format("decentring {:g}, {:g} moves pixels in the corners by {:.1f} % of half the diagonal; expected at "
+                      "most {:g} %, as coefficients k1, k2, p1, p2 in this order (others write k1, k2, k3, p1, p2)",
+                      p[6], p[7], 100 * shift, 100 * kMostDecentring));
     }
     if (!CoversItsPicture(c.camera)) {
       warn(

@@ -1,7 +1,6 @@
 #include "datasets/solution/covariance_tables.h"
 
-#include <set>
-
+#include "datasets/solution/reference_rows.h"
 #include "datasets/solution/solution_covariance.h"
 
 namespace trigpoint {
@@ -47,10 +46,8 @@ void WriteCameraCovariances(const Solution& s, const std::filesystem::path& dir)
 void WritePanoramaCovariances(const Solution& s, const std::filesystem::path& dir) {
   if (!s.georeference || s.covariances.empty()) return;
   CsvWriter panoramas = Table("panorama", "panoramas_cov", *s.georeference);
-  std::set<std::string> put;
-  for (const SolutionReference& reference : s.references) {
-    if (reference.pose < 0 || reference.status != "localized" || !put.insert(reference.row).second) continue;
-    Put(panoramas, reference.row, WorldCovariance(s, reference.pose));
+  for (const ReferenceRow& row : ReferenceRows(s)) {
+    if (!row.localized.empty()) Put(panoramas, row.name, WorldCovariance(s, row));
   }
   panoramas.Save(dir / "panoramas_cov.csv");
 }

@@ -1,7 +1,9 @@
 #include "eval/errors/answer_covariance.h"
 
 #include <algorithm>
+#include <cmath>
 
+#include "datasets/solution/reference_rows.h"
 #include "datasets/solution/solution_covariance.h"
 #include "eval/errors/stations.h"
 
@@ -63,17 +65,27 @@ AnswerCovariances CovariancesOfAnswers(const Solution& s, const std::vector<TagR
     to->at.emplace(name, 3 * static_cast<Eigen::Index>(functions->size()));
     functions->push_back(std::move(function));
   };
-  for (const SolutionReference& reference : s.references) {
-    if (reference.pose < 0 || reference.status != "localized" || result.absolute.at.count(reference.row) > 0) continue;
-    const SolutionFunction place = position * WorldPose(s, reference.pose);
-    add(reference.row, place, &result.absolute, &absolute);
-    const auto centre = CentreByCameras(s, reference, tags, by_camera, stations);
-    if (centre) add(reference.row, place + -Eigen::Matrix3d::Identity() * *centre, &result.relative, &relative);
+  const std::vector<ReferenceRow> rows = ReferenceRows(s);
+  for (const ReferenceRow& row : rows) {
+    if (row.localized.empty()) continue;
+    const double share = 1.0 / static_cast<double>(row.localized.size());
+    SolutionFunction place;
+    for (const size_t i : row.localized) place = place + share * position * WorldPose(s, s.references[i].pose);
+    add(row.name, place, &result.absolute, &absolute);
+    const auto centre = CentreByCameras(s, s.references[row.shown], tags, by_camera, stations);
+    if (centre) add(row.name, place + -Eigen::Matrix3d::Identity() * *centre, &result.relative, &relative);
   }
   if (absolute.empty()) return result;
   const SolutionCovariance covariance(s, false, threads, cancel);
   result.absolute.m2 = covariance.Of(absolute);
   result.relative.m2 = covariance.Of(relative);
+  for (const ReferenceRow& row : rows) {
+    const double variance = std::pow(s.georeference->world_from_odom.scale * row.centre_sigma_m, 2);
+    for (JointCovariance* joint : {&result.absolute, &result.relative}) {
+      const auto at = joint->at.find(row.name);
+      if (at != joint->at.end()) joint->m2.diagonal().segment<3>(at->second).array() += variance;
+    }
+  }
   return result;
 }
 

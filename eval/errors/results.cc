@@ -11,6 +11,7 @@
 #include "calib/geo/geodetic.h"
 #include "datasets/io/csv.h"
 #include "datasets/io/text.h"
+#include "datasets/solution/reference_rows.h"
 #include "datasets/solution/solution_covariance.h"
 #include "datasets/solution/solution_file.h"
 
@@ -140,37 +141,19 @@ void SetPoses(const Solution& s, LocalizeResult* result) {
   }
 }
 
-// The first photo of a set that is localized stands for it; its centre is the mean of those that are.
 void SetPanoramas(const Solution& s, LocalizeResult* result) {
-  std::map<std::string, std::vector<const SolutionReference*>> rows;
-  std::vector<std::string> names;
-  for (const SolutionReference& reference : s.references) {
-    std::vector<const SolutionReference*>& row = rows[reference.row];
-    if (row.empty()) names.push_back(reference.row);
-    row.push_back(&reference);
-  }
-  for (const std::string& name : names) {
-    const std::vector<const SolutionReference*>& row = rows[name];
-    std::vector<const SolutionReference*> good;
-    for (const SolutionReference* r : row) {
-      if (r->status == "localized" && r->pose >= 0) good.push_back(r);
-    }
-    const SolutionReference& shown = good.empty() ? *row.front() : *good.front();
+  for (const ReferenceRow& row : ReferenceRows(s)) {
+    const SolutionReference& shown = s.references[row.shown];
     PanoramaResult& answer = result->panoramas.emplace_back();
-    answer.panorama = name;
+    answer.panorama = row.name;
     answer.station = shown.station, answer.status = shown.status, answer.reason = shown.reason;
-    if (good.empty()) continue;
-    Rigid3d odom_from_pano = OdomFromRig(s, shown.pose);
-    odom_from_pano.translation.setZero();
-    for (const SolutionReference* r : good) {
-      odom_from_pano.translation += OdomFromRig(s, r->pose).translation / static_cast<double>(good.size());
-    }
-    answer.odom_from_pano = odom_from_pano;
-    if (s.georeference) answer.world_from_pano = s.georeference->world_from_odom.TransformPose(odom_from_pano);
+    if (row.localized.empty()) continue;
+    answer.odom_from_pano = row.odom_from_pano;
+    if (s.georeference) answer.world_from_pano = s.georeference->world_from_odom.TransformPose(row.odom_from_pano);
     if (s.covariances.empty()) continue;
-    answer.odom_sigma_m = PositionSigma(OdomCovariance(s, shown.pose));
+    answer.odom_sigma_m = PositionSigma(OdomCovariance(s, row));
     if (!s.georeference) continue;
-    const Matrix6d covariance = WorldCovariance(s, shown.pose);
+    const Matrix6d covariance = WorldCovariance(s, row);
     answer.covariance_m2 = covariance.bottomRightCorner<3, 3>();
     answer.sigma_m = PositionSigma(covariance);
   }

@@ -129,7 +129,7 @@ ReconstructRunOptions WithNoise(ReconstructRunOptions options, double times) {
 // Refuses images that contradict odometry although its drift is taken out: it is their lens that makes them turn
 // otherwise.
 void RequireDriftExplains(const Run& run, const Reconstruction& r) {
-  if (!(r.correlation_inflation > InflationBy(kMostCorrelation))) return;
+  if (!(WiderThanExplained(r) > 1)) return;
   throw RefusedInput(
       kRefusedOdometry,
       fmt::format(
@@ -274,12 +274,12 @@ void RequireCalibration(const LocalizeInput& input, const RunReconstruction& run
   if (const auto contradiction = Contradiction(input, check)) throw InputError(*contradiction);
 }
 
-// Says that images had to be taken as noisier than they are, beyond what correlation along tracks explains, to fit
-// odometry. Refuses both where the images then say nothing: a tenth of half the picture's diagonal.
+// Says that images had to be taken as noisier than they are, beyond what correlation along tracks and chance explain,
+// to fit odometry. Refuses both where the images then say nothing: a tenth of half the picture's diagonal.
 void HeedContradiction(const Run& run, const LocalizeInput& input, const Reconstruction& r, bool refuse,
                        StageContext& context) {
   constexpr double kNothing = 0.1;
-  if (!(r.correlation_inflation > InflationBy(kMostCorrelation))) return;
+  if (!(WiderThanExplained(r) > kLeastWidening)) return;
   double half_diagonal = 0;
   for (const BodyCamera& c : input.cameras) half_diagonal = std::max(half_diagonal, HalfDiagonal(c.camera));
   const double acting_px = r.sigma_px * r.correlation_inflation;

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 #include "calib/base/error.h"
 #include "calib/geo/geodetic.h"
 #include "datasets/colmap/model.h"
 #include "datasets/io/trajectory.h"
 #include "datasets/solution/covariance_tables.h"
+#include "datasets/solution/reference_rows.h"
 #include "datasets/solution/solution_file.h"
 #include "datasets/solution/solution_model.h"
 
@@ -142,91 +142,63 @@ void WriteCameras(const LocalizeInput& input, const Localization& result, const 
 
 namespace {
 
-// One line of panoramas.csv: a panorama or photo, or a set whose photos are answered together.
-struct Line {
-  const Reference* reference = nullptr;
-  std::vector<size_t> answers;
-};
-
-struct LineAnswer {
-  const ReferenceAnswer* shown = nullptr;
-  bool answered = false;
-  int matches = 0, inliers = 0, views = 0;
-  Rigid3d odom_from_pano;
-  PoseEstimate world;
-};
-
-// A set: its centre is the mean of its photos' centres, its attitude that of the first photo that has one.
-LineAnswer AnswerOf(const Line& line, const Localization& result) {
-  LineAnswer l;
-  l.shown = &result.references[line.answers.front()];
-  std::vector<const ReferenceAnswer*> good;
-  for (size_t i : line.answers) {
-    const ReferenceAnswer& a = result.references[i];
-    l.matches += a.registration.view_matches;
-    if (a.registration.status != AnswerStatus::kLocalized) continue;
-    if (good.empty()) l.shown = &a;
-    good.push_back(&a);
-    for (const ViewObservation& o : a.registration.inliers) l.inliers += o.repeated ? 0 : 1;
-    for (const ViewAnswer& v : a.registration.views) l.views += v.inliers > 0 ? 1 : 0;
-  }
-  l.answered = !good.empty();
-  l.odom_from_pano = l.shown->registration.rig_from_odom.Inverse();
-  l.world = l.shown->world;
-  if (good.size() < 2) return l;
-  // The photos of a set share the run's error: their mean is no better known than one of them.
-  const double n = static_cast<double>(good.size());
-  l.odom_from_pano.translation.setZero();
-  l.world.world_from_x.translation.setZero();
-  for (const ReferenceAnswer* a : good) {
-    l.odom_from_pano.translation += a->registration.rig_from_odom.TargetOriginInSource() / n;
-    l.world.world_from_x.translation += a->world.world_from_x.translation / n;
-  }
-  return l;
-}
-
 // How far the geotag lies from the estimated position, and what was made of it.
-void PutGeotag(CsvWriter& csv, const GeoTag& tag, const LocalFrame& frame, const LineAnswer& l) {
-  const Eigen::Vector3d d = frame.EnuFromGeodetic(tag.position) - l.world.world_from_x.translation;
+void PutGeotag(CsvWriter& csv, const GeoTag& tag, const LocalFrame& frame, const Eigen::Vector3d& estimated,
+               const ReferenceAnswer& shown) {
+  const Eigen::Vector3d d = frame.EnuFromGeodetic(tag.position) - estimated;
   csv.Number(d.x(), 4).Number(d.y(), 4);
   if (tag.has_height) {
     csv.Number(d.z(), 4);
   } else {
     csv.Empty();
   }
-  csv.Text(!l.shown->geotag_used ? "unused" : l.shown->geotag_outlier ? "outlier" : "ok");
+  csv.Text(!shown.geotag_used ? "unused" : shown.geotag_outlier ? "outlier" : "ok");
 }
 
-void PutLine(CsvWriter& csv, const Line& line, const Localization& result, const LocalFrame& frame) {
-  const LineAnswer l = AnswerOf(line, result);
-  const Registration& g = l.shown->registration;
-  const bool on_earth = l.answered && result.on_earth;
-  csv.Text(line.reference->name).Text(line.reference->station).Text(AnswerStatusName(g.status)).Text(g.reason);
+void PutMatches(CsvWriter& csv, const ReferenceRow& row, const Localization& result) {
+  int matches = 0;
+  int64_t inliers = 0, views = 0;
+  for (const size_t i : row.references) matches += result.references[i].registration.view_matches;
+  for (const size_t i : row.localized) {
+    const Registration& g = result.references[i].registration;
+    inliers += std::count_if(g.inliers.begin(), g.inliers.end(), [](const auto& o) { return !o.repeated; });
+    views += std::count_if(g.views.begin(), g.views.end(), [](const ViewAnswer& v) { return v.inliers > 0; });
+  }
+  csv.Integer(matches).Integer(inliers).Integer(views);
+}
+
+void PutRow(CsvWriter& csv, const Reference& reference, const ReferenceRow& row, const Localization& result,
+            const Solution& s, const LocalFrame& frame) {
+  const ReferenceAnswer& shown = result.references[row.shown];
+  const Registration& g = shown.registration;
+  const bool answered = !row.localized.empty(), on_earth = answered && s.georeference;
+  const GeoTag& tag = reference.geotag;
+  csv.Text(reference.name).Text(reference.station).Text(AnswerStatusName(g.status)).Text(g.reason);
+  PoseEstimate world;
   if (on_earth) {
-    PutWorldPose(csv, l.world);
+    world = {s.georeference->world_from_odom.TransformPose(row.odom_from_pano), WorldCovariance(s, row)};
+    PutWorldPose(csv, world);
   } else {
     csv.Empty(10);
   }
-  csv.Integer(l.matches).Integer(l.inliers).Integer(l.views);
-  if (l.answered) {
-    PutPose(csv, l.odom_from_pano);
+  PutMatches(csv, row, result);
+  if (answered) {
+    PutPose(csv, row.odom_from_pano);
   } else {
     csv.Empty(7);
   }
   if (on_earth) {
-    PutGeodeticPose(csv, frame, l.world.world_from_x);
+    PutGeodeticPose(csv, frame, world.world_from_x);
   } else {
     csv.Empty(6);
   }
-  const GeoTag& tag = line.reference->geotag;
   if (on_earth && tag.has_position) {
-    PutGeotag(csv, tag, frame, l);
+    PutGeotag(csv, tag, frame, world.world_from_x.translation, shown);
   } else {
     csv.Empty(3).Text(tag.has_position ? "unused" : "missing");
   }
-  if (l.answered) {
-    const Matrix6d odom_covariance = InverseCovariance(g.rig_from_odom, g.covariance);
-    for (double s : odom_covariance.diagonal().tail<3>().cwiseMax(0).cwiseSqrt()) csv.Number(s, 5);
+  if (answered) {
+    for (double sigma : PositionSigmas({row.odom_from_pano, OdomCovariance(s, row)})) csv.Number(sigma, 5);
     csv.Number(g.matched_share, 4).Number(g.distance_m, 3);
   } else {
     csv.Empty(5);
@@ -234,7 +206,7 @@ void PutLine(CsvWriter& csv, const Line& line, const Localization& result, const
   csv.EndRow();
 }
 
-void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization& result,
+void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization& result, const Solution& solution,
                     const std::filesystem::path& dir) {
   CsvWriter csv({"panorama",
                  "station",
@@ -276,13 +248,10 @@ void WritePanoramas(const Site& site, const LocalizeJob& job, const Localization
                  "matched_share",
                  "distance_m"},
                 {FrameComment("panoramas", result)});
-  std::map<int, Line> lines;
-  for (size_t i = 0; i < job.references.size(); ++i) {
-    Line& line = lines[job.references[i].reference];
-    line.reference = &site.references[static_cast<size_t>(job.references[i].reference)];
-    line.answers.push_back(i);
+  for (const ReferenceRow& row : ReferenceRows(solution)) {
+    const Reference& reference = site.references[static_cast<size_t>(job.references[row.shown].reference)];
+    PutRow(csv, reference, row, result, solution, job.input.frame);
   }
-  for (const auto& [index, line] : lines) PutLine(csv, line, result, job.input.frame);
   csv.Save(dir / "panoramas.csv");
 }
 
@@ -376,7 +345,6 @@ Trajectory FirstCameraTrajectory(const LocalizeInput& input, const Localization&
 void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
                        const std::filesystem::path& dir) {
   WriteCameras(job.input, result, dir);
-  WritePanoramas(site, job, result, dir);
   WriteViews(site, job, result, dir);
   WriteMatches(site, job, result, dir);
 }
@@ -406,12 +374,13 @@ void WriteRigs(const std::vector<SetRefinement>& sets, const Localization& resul
   csv.Save(dir / "rigs.csv");
 }
 
-void WriteLocalizedSolution(const Site& site, const LocalizeJob& job, Solution* solution,
+void WriteLocalizedSolution(const Site& site, const LocalizeJob& job, const Localization& result, Solution* solution,
                             const std::filesystem::path& dir) {
   for (size_t i = 0; i < job.references.size(); ++i) {
     solution->references[i].row = site.references[static_cast<size_t>(job.references[i].reference)].name;
   }
   WriteSolution(*solution, dir / kSolutionFile);
+  WritePanoramas(site, job, result, *solution, dir);
   WriteCameraCovariances(*solution, dir);
   WritePanoramaCovariances(*solution, dir);
   WriteColmapModel(ModelOf(*solution).model, dir / "sparse");

@@ -21,13 +21,13 @@ void PutPose(CsvWriter& csv, const Rigid3d& target_from_x);
 void PutWorldPose(CsvWriter& csv, const PoseEstimate& e);
 void PutGeodeticPose(CsvWriter& csv, const LocalFrame& frame, const Rigid3d& world_from_x);
 
-// cameras.tum, cameras_odom.tum, cameras.csv, panoramas.csv, views.csv, matches.csv.
+// cameras.tum, cameras_odom.tum, cameras.csv, views.csv, matches.csv.
 void WriteLocalization(const Site& site, const LocalizeJob& job, const Localization& result,
                        const std::filesystem::path& dir);
 
-// The solution with its tables of covariances and its COLMAP model. Names the rows of panoramas.csv that the references
-// belong to.
-void WriteLocalizedSolution(const Site& site, const LocalizeJob& job, Solution* solution,
+// The solution, which is `result`'s, with panoramas.csv, its tables of covariances and its COLMAP model. Names the rows
+// of panoramas.csv that the references belong to.
+void WriteLocalizedSolution(const Site& site, const LocalizeJob& job, const Localization& result, Solution* solution,
                             const std::filesystem::path& dir);
 
 // rigs.csv: every photo of every refined set, relative to its rig and in the world. Throws IoError.

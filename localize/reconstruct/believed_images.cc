@@ -17,7 +17,7 @@ std::shared_ptr<const ceres::LossFunction> LossTimes(const std::shared_ptr<const
 }  // namespace
 
 std::optional<BelievedImages> BelieveImages(const Reconstruction& r, int threads, const CancelToken& cancel) {
-  const double narrower = r.correlation_inflation / InflationBy(kMostCorrelation);
+  const double narrower = WiderThanExplained(r);
   if (!(narrower > 1)) return std::nullopt;
   BelievedImages believed{r.problem};
   BundleProblem& p = believed.problem;

@@ -504,7 +504,7 @@ void WidenUntilConsistent(const LocalizeInput& input, const ReconstructOptions& 
     const Vector6d wanted = EstimateOdometryNoise(p, moments, bundle.threads, cancel);
     const double contradiction = Contradiction(p, StepsOf(p, moments), wanted, *noise_factor, most_noise);
     if (contradiction < limit) return;
-    const double wider = std::clamp(std::sqrt(contradiction), 1.4, 3.0);
+    const double wider = std::clamp(std::sqrt(contradiction), kLeastWidening, 3.0);
     WidenNoise(options, wider, r);
     Gate(options, options.outlier_chi2, r);
     r->summary = SolveBundle(p, bundle, progress, cancel);

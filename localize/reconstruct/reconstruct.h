@@ -65,6 +65,13 @@ std::vector<double> RotationVariances(const std::vector<PoseFactor>& odometry, s
 inline constexpr double kMostCorrelation = 0.9;
 inline double InflationBy(double correlation) { return std::sqrt((1 + correlation) / (1 - correlation)); }
 
+// Where odometry contradicts images, their noise is widened by at least this: in one good run of forty by chance.
+inline constexpr double kLeastWidening = 1.4;
+// How many times wider the noise of the images acts than any correlation explains.
+inline double WiderThanExplained(const Reconstruction& r) {
+  return r.correlation_inflation / InflationBy(kMostCorrelation);
+}
+
 // Where a reconstruction starts.
 struct ReconstructStart {
   std::vector<Rigid3d> odom_from_body;  // first guess of the poses; the gauge is the first one, held there

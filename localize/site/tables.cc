@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <map>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "calib/geo/geodetic.h"
 #include "datasets/solution/covariance_tables.h"
+#include "datasets/solution/reference_rows.h"
 #include "datasets/solution/solution_covariance.h"
 #include "localize/files/tables.h"
 
@@ -40,44 +40,22 @@ void WriteRun(const SiteAdjustment& site, size_t index, const fs::path& dir) {
   WriteCameraCovariances(part, dir);
 }
 
-// The panoramas of one row: photos of a set that was not stitched share one.
-struct Row {
-  const SolutionReference* shown = nullptr;  // the first that is localized
-  std::vector<Eigen::Vector3d> places;       // of all that are
-  std::set<int> runs;
-};
-
-// As `localize` has it: the set lies at the mean of its photos' places, with the attitude and sigmas of the first.
-void PutPlaced(CsvWriter& csv, const Solution& s, const Row& row, const LocalFrame& frame) {
-  const SolutionReference& r = *row.shown;
-  PoseEstimate pose{OdomFromRig(s, r.pose), WorldCovariance(s, r.pose)};
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& place : row.places) mean += place / static_cast<double>(row.places.size());
-  const Eigen::Vector3d to_shown = pose.world_from_x.translation - mean;
-  pose.world_from_x.translation = mean;
-  PutWorldPose(csv, pose);
-  PutGeodeticPose(csv, frame, pose.world_from_x);
+void PutPlaced(CsvWriter& csv, const Solution& s, const ReferenceRow& row, const LocalFrame& frame) {
+  const SolutionReference& r = s.references[row.shown];
+  const Rigid3d& pose = row.odom_from_pano;
+  PutWorldPose(csv, {pose, WorldCovariance(s, row)});
+  PutGeodeticPose(csv, frame, pose);
   if (r.geotag.empty()) {
     csv.Empty(3).Text("unused");
     return;
   }
+  const Eigen::Vector3d to_shown = OdomFromRig(s, r.pose).translation - pose.translation;
   for (double d : Eigen::Vector3d(r.geotag_difference + to_shown)) csv.Number(d, 4);
   csv.Text(r.geotag);
 }
 
 void WritePanoramas(const SiteAdjustment& site, const fs::path& dir) {
   const Solution& s = site.solution;
-  std::map<std::string, Row> rows;
-  std::vector<std::string> names;
-  for (size_t i = 0; i < s.references.size(); ++i) {
-    const SolutionReference& r = s.references[i];
-    const auto [at, fresh] = rows.try_emplace(r.row);
-    if (fresh) names.push_back(r.row);
-    Row& row = at->second;
-    if (row.shown == nullptr || (row.shown->pose < 0 && r.pose >= 0)) row.shown = &r;
-    if (r.pose >= 0) row.places.push_back(OdomFromRig(s, r.pose).translation);
-    row.runs.insert(site.runs_of_reference[i].begin(), site.runs_of_reference[i].end());
-  }
   CsvWriter csv({"panorama",
                  "station",
                  "status",
@@ -105,17 +83,19 @@ void WritePanoramas(const SiteAdjustment& site, const fs::path& dir) {
                  "runs"},
                 {Comment(site, "panoramas")});
   const LocalFrame frame(s.georeference->origin);
-  for (const std::string& name : names) {
-    const Row& row = rows[name];
-    const SolutionReference& r = *row.shown;
-    csv.Text(name).Text(r.station).Text(r.status).Text(r.reason);
-    if (r.pose < 0) {
+  for (const ReferenceRow& row : ReferenceRows(s)) {
+    const SolutionReference& r = s.references[row.shown];
+    csv.Text(row.name).Text(r.station).Text(r.status).Text(r.reason);
+    if (row.localized.empty()) {
       csv.Empty(20);
     } else {
       PutPlaced(csv, s, row, frame);
     }
+    std::set<int> of_row;
+    for (const size_t i : row.references)
+      of_row.insert(site.runs_of_reference[i].begin(), site.runs_of_reference[i].end());
     std::vector<std::string> runs;
-    for (int run : row.runs) runs.push_back(s.runs[static_cast<size_t>(run)].name);
+    for (int run : of_row) runs.push_back(s.runs[static_cast<size_t>(run)].name);
     csv.Text(fmt::format("{}", fmt::join(runs, "+")));
     csv.EndRow();
   }

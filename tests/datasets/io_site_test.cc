@@ -322,6 +322,11 @@ TEST_F(SiteTest, WarnsOfCamerasThatNobodyHas) {
   };
   EXPECT_EQ(with("[60, 60, 31.5, 23.5]"), "");
   EXPECT_EQ(with("[60, 60, 31.5, 23.5]", "  distortion_model: radtan\n  distortion_coeffs: [-0.3, 0.1, 0, 0]\n"), "");
+  EXPECT_EQ(with("[60, 60, 31.5, 23.5]", "  distortion_model: radtan\n  distortion_coeffs: [0, 0, 0.001, -0.002]\n"),
+            "");
+  EXPECT_THAT(
+      with("[60, 60, 31.5, 23.5]", "  distortion_model: radtan\n  distortion_coeffs: [-0.2, 0.05, -0.006, 0]\n"),
+      HasSubstr("decentring -0.006, 0 moves pixels in the corners by 1.2 %"));
   EXPECT_THAT(with("[4.2, 4.2, 31.5, 23.5]"), HasSubstr("camera 'cam0': focal length 4.2"));
   EXPECT_THAT(with("[60, 90, 31.5, 23.5]"), HasSubstr("expected nearly square pixels"));
   EXPECT_THAT(with("[60, 60, 479.5, 23.5]"), HasSubstr("principal point 479.5"));
