@@ -464,9 +464,10 @@ EarthFit Georeference(const Task& task, const WorldEvidence& evidence, Localizat
   earth.input = CollectEarth(task, *result);
   const std::optional<std::string> other_headings = OtherHeadings(earth.input.observations);
   if (other_headings) {
-    task.progress.Log(LogLevel::kWarning,
-                      "judging by their positions, the headings of the panoramas seem to be " + *other_headings +
-                          "; expected degrees clockwise from north; not used: correct table or EXIF");
+    task.progress.Log(
+        LogLevel::kWarning,
+        "the headings of panoramas and photos contradict their positions: they seem to be " + *other_headings +
+            "; expected degrees clockwise from true north. They are not used: correct heading_deg or the EXIF");
     LeaveOutHeadings(&earth.input);
   }
   if (!task.input.has_frame) {

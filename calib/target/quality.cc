@@ -95,8 +95,8 @@ void JudgeTilt(const CalibrationInput& input, const Calibration& calibration, in
   const std::string advice =
       "photograph the board turned by 30 to 45 deg away from the picture's plane, to the left, right, up and down";
   judge.Above(-third, -gates.warn_tilt_deg, -gates.refuse_tilt_deg, camera.name, "tilt",
-              fmt::format("the board is hardly tilted: three pictures have {:.0f} deg or more, {:.0f} deg are wanted; "
-                          "focal length and distance cannot be told apart",
+              fmt::format("the board is hardly tilted: three pictures have {:.0f} deg or more, expected at least "
+                          "{:.0f} deg; focal length and distance cannot be told apart",
                           third, gates.warn_tilt_deg),
               advice);
   constexpr double kOneSided = 0.9;
@@ -123,8 +123,8 @@ void JudgeIntrinsics(const CalibratedCamera& camera, Judge& judge) {
                               p[0];
   if (aspect > 1 && aspect > 4 * aspect_sigma) {
     judge.Add(aspect > 5 ? FindingLevel::kRefusal : FindingLevel::kWarning, camera.name, "board",
-              fmt::format("fx and fy differ by {:.1f} %: pixels of a camera are square, so the board's squares hardly "
-                          "are as described",
+              fmt::format("fx and fy differ by {:.1f} %, but pixels of a camera are square: the board seems to differ "
+                          "from its description",
                           aspect),
               "measure the board in both directions; was it printed stretched?");
   }
@@ -136,28 +136,28 @@ void JudgeFit(const Calibration& calibration, const Quality& quality, int c, con
   const CalibratedCamera& camera = calibration.cameras[i];
   const Coverage& coverage = quality.coverage[i];
   const std::string poor = fmt::format("{}", fmt::join(coverage.poor, ", "));
-  judge.Above(-coverage.share, -gates.warn_coverage, -gates.refuse_coverage, camera.name, "coverage",
-              fmt::format("the board covers {:.0f} % of the picture, {:.0f} % are wanted{}", 100 * coverage.share,
-                          100 * gates.warn_coverage, coverage.poor.empty() ? "" : "; hardly any points: " + poor),
-              coverage.poor.empty()
-                  ? "photograph the board in the parts of the picture that are empty on the coverage map"
-                  : "photograph the board in these parts of the picture: " + poor);
+  judge.Above(
+      -coverage.share, -gates.warn_coverage, -gates.refuse_coverage, camera.name, "coverage",
+      fmt::format("the board covers {:.0f} % of the picture, expected at least {:.0f} %{}", 100 * coverage.share,
+                  100 * gates.warn_coverage, coverage.poor.empty() ? "" : "; hardly any points: " + poor),
+      coverage.poor.empty() ? "photograph the board in the parts of the picture that are empty on the coverage map"
+                            : "photograph the board in these parts of the picture: " + poor);
   const Eigen::VectorXd sigmas = camera.Sigmas();
   const double focal = 100 * std::max(sigmas[0] / camera.camera.params()[0], sigmas[1] / camera.camera.params()[1]);
   judge.Above(focal, gates.warn_focal_sigma_percent, gates.refuse_focal_sigma_percent, camera.name, "focal length",
-              fmt::format("the focal length is known to {:.2g} % (1 sigma), {:g} % are wanted", focal,
+              fmt::format("the focal length is known to {:.2g} % (1 sigma), expected at most {:g} %", focal,
                           gates.warn_focal_sigma_percent),
               "photograph the board tilted by 30 to 45 deg, near enough to fill the picture");
   const ProjectionUncertainty& uncertainty = quality.uncertainty[i];
-  judge.Above(uncertainty.max_covered_px, gates.warn_uncertainty_px, gates.refuse_uncertainty_px, camera.name,
-              "uncertainty",
-              fmt::format("pixels are known to {:.2g} px (1 sigma, worst place where the board was seen), {:g} px are "
-                          "wanted",
-                          uncertainty.max_covered_px, gates.warn_uncertainty_px),
-              "take more pictures, most of all where the uncertainty map is bright");
+  judge.Above(
+      uncertainty.max_covered_px, gates.warn_uncertainty_px, gates.refuse_uncertainty_px, camera.name, "uncertainty",
+      fmt::format(
+          "pixels are known to {:.2g} px (1 sigma, worst place where the board was seen), expected at most {:g} px",
+          uncertainty.max_covered_px, gates.warn_uncertainty_px),
+      "take more pictures, most of all where the uncertainty map is bright");
   judge.Above(
       camera.rms_px, gates.warn_rms_px, gates.refuse_rms_px, camera.name, "residuals",
-      fmt::format("the residuals are {:.2f} px (rms), {:g} px are wanted", camera.rms_px, gates.warn_rms_px),
+      fmt::format("the residuals are {:.2f} px (rms), expected at most {:g} px", camera.rms_px, gates.warn_rms_px),
       "hold board and camera still, in good light, in focus; keep zoom and focus fixed; check that the board is "
       "flat and the target's description right");
   const double pattern = quality.pattern[i].systematic_px;

@@ -337,7 +337,10 @@ std::string CalibrationSummary(const StageOutcome& outcome) {
                         f.at("check").get<std::string>(), f.at("reason").get<std::string>(),
                         advice.empty() ? "" : ". Next: " + advice);
   }
-  text += "This calibration is " + quality.at("status").get<std::string>() + ".\n";
+  const std::string status = quality.at("status").get<std::string>();
+  text += status == "refused"  ? "This calibration is refused: runs cannot use it. Correct what is named above.\n"
+          : status == "warned" ? "This calibration can be used, with the warnings above.\n"
+                               : "This calibration can be used.\n";
   return text + "Results: " + outcome.dir.string() + "\n";
 }
 

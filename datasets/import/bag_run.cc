@@ -115,8 +115,8 @@ class BagImport {
 
   ImportReport Finish() {
     for (const auto& [topic, unreadable] : unreadable_) {
-      report_.warnings.push_back(fmt::format("topic {}: {} messages cannot be read and are left out; the first: {}",
-                                             topic, unreadable.count, unreadable.first));
+      report_.warnings.push_back(
+          fmt::format("topic {}: {} messages are left out; the first: {}", topic, unreadable.count, unreadable.first));
     }
     if (images_.empty()) {
       throw InputError(bag_.string() + ": no image could be read" +
@@ -183,7 +183,8 @@ class BagImport {
       odom_ = pose.header.frame;
     }
     if (pose.child != body_ || pose.header.frame != odom_) return;
-    if (poses_.size() >= kMostPoses) throw InputError("more poses than " + std::to_string(kMostPoses));
+    if (poses_.size() >= kMostPoses)
+      throw InputError("expected at most " + std::to_string(kMostPoses) + " poses; the rest is not used");
     poses_.push_back({pose.header.stamp_ns, pose.pose});
   }
 
@@ -193,7 +194,7 @@ class BagImport {
     if (stream.seen++ % options_.every != 0) return;
     const RosImage image = ReadRosImage(topic, message.bytes);
     const int64_t stamp = image.header.stamp_ns != 0 ? image.header.stamp_ns : message.logged_ns;
-    if (!stream.stamps.insert(stamp).second) throw InputError("its time is that of an image before");
+    if (!stream.stamps.insert(stamp).second) throw InputError("another image has the same time");
     if (stream.stamps.size() == 1) {
       stream.frame = image.header.frame;
       stream.encoding = image.encoding;
@@ -372,10 +373,10 @@ class BagImport {
       tilts.push_back(std::acos(std::clamp(up_in_odom.z(), -1.0, 1.0)) / kDegToRad);
     }
     if (tilts.empty()) return;
-    report_.lines.push_back(fmt::format(
-        "level: the odometry's z axis is {:.2f} deg (median of {}) from the vertical of {}; run.yaml has levelled: "
-        "false until you change it",
-        Median(tilts), tilts.size(), choice_.imu->name));
+    report_.lines.push_back(
+        fmt::format("level: the odometry's z axis is {:.2f} deg (median of {}) from the vertical of {}; odometry is "
+                    "taken as not levelled: if the angle is small, set odometry: {{levelled: true}} in run.yaml",
+                    Median(tilts), tilts.size(), choice_.imu->name));
   }
 
   void WriteSettings() {

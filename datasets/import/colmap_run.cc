@@ -123,9 +123,9 @@ Scale ScaleOf(const SparseModel& model, const ColmapRunOptions& options, ImportR
   }
   if (const auto found = ScaleFromExif(model, options.images)) return *found;
   report->warnings.push_back(
-      "the model's unit is not known: it is taken as 1 m; name it by --scale METRES, or it must come from "
-      "panoramas, tags or GPS (run.yaml: odometry.scale_sigma)");
-  return {.source = "nothing"};
+      "the model's unit of length is not known and is taken as 1 m: give it by --scale METRES; otherwise panoramas, "
+      "tags or GPS must determine the scale (odometry: scale_sigma in run.yaml)");
+  return {.source = "an assumption"};
 }
 
 using FrameOfImage = std::map<uint32_t, const ModelFrame*>;
@@ -291,7 +291,8 @@ ImportReport ImportColmapDatabase(const fs::path& site, const fs::path& file, co
                               "it were alone on its body: correct T_cam_imu in camchain.yaml before odometry is used");
   }
   report.warnings.push_back(
-      "a database has no poses: tags can be detected, but localize needs odometry.tum, or import the model");
+      "the database has no poses: the motion is estimated from the images alone; for poses, add odometry.tum or import "
+      "the model");
   return report;
 }
 

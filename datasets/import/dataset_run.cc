@@ -267,7 +267,11 @@ Dataset ReadRecord3d(const fs::path& folder) {
       if (!(fps > 0.01 && fps < 1000)) throw InputError(fmt::format("expected fps above 0, found {:g}", fps));
       for (size_t i = 0; i < poses.size(); ++i) times.push_back(static_cast<double>(i) / fps);
     }
-    if (k.size() != 9 || times.size() != poses.size()) throw InputError("expected 9 numbers K, as many times as poses");
+    if (k.size() != 9 || times.size() != poses.size()) {
+      throw InputError(
+          fmt::format("expected 9 numbers in K and one time for each pose, found {} numbers, {} times, {} poses",
+                      k.size(), times.size(), poses.size()));
+    }
     camera.calibration = ForwardCamera(
         "cam0",
         {CameraModel::kPinhole, metadata.at("w").get<int>(), metadata.at("h").get<int>(), {k[0], k[4], k[6], k[7]}});
@@ -472,8 +476,9 @@ std::string VideoStart(const fs::path& video, const fs::path& track, ImportRepor
         "time: the video is taken to begin at its creation time; if that is its end, correct time_zero_utc "
         "in run.yaml");
   } else {
-    report->warnings.push_back(name + " does not state when it began: taken as the first time of " + gps +
-                               "; correct time_zero_utc in run.yaml if the two were not started together");
+    report->warnings.push_back(name + " states no start time that fits " + gps +
+                               " (within 1 h): taken as its first time; correct time_zero_utc in run.yaml if the two "
+                               "were not started together");
     start = fixes.front().stamp_ns;
   }
   return fmt::format("time_zero_utc: {:%Y-%m-%dT%H:%M:%S}.{:03}Z\n",

@@ -46,7 +46,8 @@ PicturePart ReadCrop(const YamlMap& map, const Camera& camera) {
   PicturePart part;
   if (!map.Has("crop")) return part;
   const std::vector<double> crop = map.Numbers("crop", 4);
-  if (camera.model() == CameraModel::kEquirectangular) map.Fail("crop", "expected none of an equirectangular camera");
+  if (camera.model() == CameraModel::kEquirectangular)
+    map.Fail("crop", "an equirectangular camera has no crop; remove the key");
   const auto is_pixel = [](double v) {
     return v >= 0 && v <= std::numeric_limits<uint16_t>::max() && v == std::floor(v);
   };
@@ -126,7 +127,8 @@ double ReadReadout(const YamlMap& map, const BodyCamera& camera) {
   }
   const bool whole = camera.part.kind == PicturePart::Kind::kAll;
   if (readout_s != 0 && (!whole || camera.camera.model() == CameraModel::kEquirectangular)) {
-    map.Fail("readout_s", "expected none of a 360 camera or a crop: its rows are not those of the sensor");
+    map.Fail("readout_s",
+             "a 360 camera or a crop does not have the rows of a sensor, and so no readout time; remove the key");
   }
   return readout_s;
 }

@@ -223,8 +223,8 @@ void WarnOfLargeMasks(const Run& run, const std::vector<double>& share, Progress
     const double left = its.empty() ? 1 : Median(its);
     if (left > kLittle) continue;
     progress.Log(LogLevel::kWarning,
-                 fmt::format("run {}: the masks of {} ignore {:.0f} % of a picture (median); expected the carrier and "
-                             "what moves to be ignored: 255 = takes part, 0 = ignored. Are they inverted?",
+                 fmt::format("run {}: the masks of {} ignore {:.0f} % of a picture (median); expected only the carrier "
+                             "and what moves to be ignored (255 = used, 0 = ignored): are they inverted?",
                              run.name, run.cameras[c].name, 100 * (1 - left)));
   }
 }
@@ -263,11 +263,10 @@ void CheckMasks(const Run& run, int threads, ProgressSink& progress, const Cance
   if (left.size() == pictures.size()) return WarnOfLargeMasks(run, share, progress);
   const auto first = std::find_if(run.images.begin(), run.images.end(),
                                   [&](const ImageEntry& image) { return left.count(PictureOf(run, image)) == 0; });
-  progress.Log(LogLevel::kWarning, FileThatMasks(run, *first).string() +
-                                       ": expected a mask that leaves a part of the picture, found one that ignores "
-                                       "all of it (so of " +
-                                       std::to_string(pictures.size() - left.size()) + " of " +
-                                       Counted(pictures.size(), "picture") + "); 255 = takes part, 0 = ignored");
+  progress.Log(LogLevel::kWarning,
+               FileThatMasks(run, *first).string() + ": the mask ignores the whole picture (so of " +
+                   std::to_string(pictures.size() - left.size()) + " of " + Counted(pictures.size(), "picture") +
+                   "); expected 255 = used, 0 = ignored: correct the masks");
 }
 
 cv::Mat SetPhotoMask(const fs::path& photo, const cv::Size& size) {

@@ -92,13 +92,11 @@ class FarPlaces {
           " state latitude 0, longitude 0, as receivers without a fix do; these positions are not used");
     }
     if (far_ == 0) return;
-    warnings->push_back(std::to_string(far_) + of + " lie " + std::to_string(std::llround(first_m_ / 1000)) +
-                        " km from " + anchor_->name + "; expected at most " +
-                        std::to_string(std::llround(kFarthest_m / 1000)) + " km" +
-                        (swapped_ == far_ ? "; with latitude and longitude swapped they lie there: the columns of one "
-                                            "of the two are swapped"
-                                          : "") +
-                        "; these positions are not used");
+    warnings->push_back(fmt::format("{}{} are not used: they lie more than {:.0f} km from {} (the first: {:.0f} km){}",
+                                    far_, of, kFarthest_m / 1000, anchor_->name, first_m_ / 1000,
+                                    swapped_ == far_
+                                        ? "; with latitude and longitude swapped they fit: exchange the two columns"
+                                        : "; correct them"));
   }
 
  private:
@@ -154,11 +152,11 @@ void CompareWithOrigin(Site* site) {
   }
   if (nearest <= std::max(kNear_m, extent)) return;
   char text[400];
-  std::snprintf(text, sizeof text,
-                "all %zu %s lie at least %.1f km from origin.json; expected at most %.0f km, or as far as they are "
-                "apart; one of the two is wrong, and these positions are not used: correct them or the origin (one "
-                "that is meant to lie so far away belongs into trigpoint.yaml)",
-                places.all.size(), places.kind.c_str(), 1e-3 * nearest, 1e-3 * kNear_m);
+  std::snprintf(
+      text, sizeof text,
+      "all %zu %s lie at least %.1f km from origin.json (expected at most %.0f km, or their own extent) and are not "
+      "used: correct them or the origin. An origin that is meant to lie so far away belongs into trigpoint.yaml",
+      places.all.size(), places.kind.c_str(), 1e-3 * nearest, 1e-3 * kNear_m);
   site->warnings.push_back(text);
   places.leave_out();
 }
@@ -168,13 +166,13 @@ std::string HeightReading(const std::vector<double>& heights, double origin_m, d
   constexpr double kFoot_m = 0.3048, kMostGeoid_m = 110;
   const double height = Median(heights);
   if (std::all_of(heights.begin(), heights.end(), [](double h) { return h == 0; })) {
-    return ": they are all 0, which states no height: leave the column empty";
+    return ": all are 0, which states no height (leave the column empty)";
   }
-  if (std::abs(kFoot_m * height - origin_m) < allowed_m) return ": they seem to be in feet, expected metres";
+  if (std::abs(kFoot_m * height - origin_m) < allowed_m) return ": they seem to be in feet (convert them to metres)";
   if (std::abs(height - origin_m) < kMostGeoid_m) {
-    return ": one of the two seems to be above the sea, expected above the ellipsoid";
+    return ": one of the two seems to be above the sea (give both above the ellipsoid)";
   }
-  return "; expected metres above the ellipsoid";
+  return ": one of the two is wrong; expected metres above the ellipsoid";
 }
 
 // What says how high the site lies.
@@ -211,9 +209,8 @@ std::string HeightContradiction(const std::string& whose, const std::vector<Geod
   const double allowed = kAllowed_m + kSlope * Median(distances);
   if (Median(off) <= allowed) return "";
   return fmt::format(
-      "the heights of {} (median {:.0f} m) differ from that of {} ({:.0f} m) by more than the ground does{}; one "
-      "of the two is wrong",
-      whose, Median(heights), level.name, level.place.height_m, HeightReading(heights, level.place.height_m, allowed));
+      "the heights of {} (median {:.0f} m) differ from that of {} ({:.0f} m) by more than the ground explains{}", whose,
+      Median(heights), level.name, level.place.height_m, HeightReading(heights, level.place.height_m, allowed));
 }
 
 // Heights of geotags where nothing else can tell them wrong.
@@ -224,7 +221,7 @@ void CompareGeotagHeights(const Level& level, Site* site) {
   }
   const std::string why = HeightContradiction("geotags", places, level);
   if (why.empty()) return;
-  site->warnings.push_back(why + ", and these heights are not used");
+  site->warnings.push_back(why + "; these heights are not used");
   for (Reference& reference : site->references) reference.geotag.has_height = false;
 }
 

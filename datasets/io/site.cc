@@ -68,12 +68,12 @@ void Append(std::vector<Reference> more, Site* site) {
     for (const std::filesystem::path& file : reference.files) {
       const auto owner = owners.find(file.lexically_normal());
       if (owner == owners.end()) continue;
-      problem = "reference '" + reference.name + "' is brought twice";
+      problem = "panorama or photo '" + reference.name + "' is listed twice";
       if (owner->second != reference.name)
-        problem += ": its picture " + file.string() + " is that of '" + owner->second + "'";
+        problem += ": its file " + file.string() + " belongs to '" + owner->second + "'";
     }
     if (!problem.empty()) {
-      site->warnings.push_back(problem + "; the second is skipped");
+      site->warnings.push_back(problem + "; the second entry is skipped, remove one of them");
       continue;
     }
     for (const std::filesystem::path& file : reference.files) owners.emplace(file.lexically_normal(), reference.name);

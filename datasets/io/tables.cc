@@ -64,8 +64,8 @@ class PositionReader {
     if (unknown_.empty() || surfaces.size() < 2) return;
     const auto count = std::erase_if(*points, is_unknown);
     warnings_->push_back(file_.string() + ": " + std::to_string(count) +
-                         " points are skipped: their heights are above another surface than those of the others, and "
-                         "the distance between the two surfaces is not known");
+                         " points are skipped: their height_system is not known, and other points have another one; "
+                         "correct column height_system, or give all heights above the ellipsoid");
   }
 
  private:
@@ -83,8 +83,7 @@ class PositionReader {
   }
 
   void OpenGeoid(const CsvRow& row, const std::string& name, std::optional<HeightSystem>* geoid) {
-    std::string why =
-        "no geoid of that name is known (egm84, egm96, egm2008, or the file of a grid, .gtx or .tif, are)";
+    std::string why = "the geoid is not known (expected egm84, egm96, egm2008, or the file of a grid, .gtx or .tif)";
     if (HeightSystem::IsKnown(name)) {
       try {
         *geoid = HeightSystem::Named(name, "height system ", folder_);

@@ -132,7 +132,8 @@ void WorldSources::ReadMap(const Project& project, const std::string& name) {
   const std::vector<std::string> names = ReferenceNames(project);
   if (name == "self" || name == "control" || std::find(names.begin(), names.end(), name) == names.end()) {
     if (name.starts_with("survey")) {
-      throw InputError("--use tags: there is no survey; run `trigpoint survey " + project.dir().string() + "` first");
+      throw InputError("--use tags: there is no map '" + name + "'; run `trigpoint survey " + project.dir().string() +
+                       (name == "survey" ? "" : " --variant " + name.substr(name.find('@') + 1)) + "` first");
     }
     throw InputError("there is no map '" + name + "'; nearest: '" + NearestName(name, names) + "'");
   }

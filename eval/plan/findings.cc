@@ -234,8 +234,8 @@ class Planner {
     }
     if (static_cast<size_t>(options_.count) < s.needed) {
       findings_.suggestion_note =
-          fmt::format("no choice of {} gives a datum, {} more are needed; the best: control on tags {}", options_.count,
-                      s.needed, Names(s.tag_ids));
+          fmt::format("a datum needs at least {} more control points, {} asked for; the best choice: tags {}", s.needed,
+                      options_.count, Names(s.tag_ids));
       return;
     }
     for (size_t k = 0; k < s.tag_ids.size(); ++k) {

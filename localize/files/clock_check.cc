@@ -47,10 +47,9 @@ std::pair<std::string, std::string> Describe(const LocalizeInput& input, const C
                         camera)};
   }
   if (!e.from_ns) {
-    return {
-        "the images",
-        "odometry.tum, which a correction of its times does not mend; expected one clock for both: check the times of "
-        "both, and the lengths and the rates that odometry has in parts of the run"};
+    return {"the images",
+            "odometry.tum, and correcting its times does not remove this; expected one clock for both: check the times "
+            "of both, and whether odometry has a wrong scale or rate of turn in a part of the run"};
   }
   return {
       fmt::format("from about {:.1f} s on the images", 1e-9 * static_cast<double>(*e.from_ns)),
@@ -74,7 +73,7 @@ void RequireOneClock(const Run& run, const LocalizeInput& input, const Reconstru
   const auto [images, others] = Describe(input, *worst);
   throw RefusedInput(
       kRefusedOdometry,
-      fmt::format("{}: {} are {} against {}. Option check_conventions=false skips this check",
+      fmt::format("{}: {} are {} against {}. Option --set reconstruct.check_conventions=false skips this check",
                   (run.dir / "images.txt").string(), images, Late(worst->late_s, worst->sigma_s), others));
 }
 

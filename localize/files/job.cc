@@ -266,17 +266,17 @@ void RequireTwoPoses(const Run& run, const LocalizeJob& job) {
                      " have none; the features stage names those that cannot be read or have another size than the "
                      "camera's)");
   }
-  throw InputError("run " + run.name + ": fewer than 2 images have features and odometry at their time (" +
-                   std::to_string(job.without_odometry) + " of " + given +
-                   " lie outside odometry's time; check odometry.time_offset_s in run.yaml)");
+  throw InputError(
+      fmt::format("run {}: fewer than 2 images can be used: of {} images {} have no features, {} lie outside "
+                  "odometry's time; check the warnings of the features stage, or odometry: time_offset_s in run.yaml",
+                  run.name, given, job.without_features, job.without_odometry));
 }
 
 // Heights of GPS that cannot be above the ellipsoid are taken as above the sea, as far as that may be from it.
 void DoubtGpsHeights(const Site& site, const Run& run, LocalizeJob* job) {
   const std::string why = job->gps.empty() ? "" : GpsHeightContradiction(site, run);
   if (why.empty()) return;
-  job->warnings.push_back(why +
-                          fmt::format(", and these heights share an error of {:.0f} m (1 sigma)", kUnknownGeoidSigma));
+  job->warnings.push_back(why + fmt::format("; a common error of {:.0f} m (1 sigma) is assumed", kUnknownGeoidSigma));
   for (GpsPlace& place : job->gps) {
     if (place.sigma_sea_m > 0 || place.sigma_v_m >= kUnknownHeightSigma) continue;
     place.sigma_sea_m = kUnknownGeoidSigma;

@@ -118,12 +118,13 @@ void NoteSources(const Localization& result, StageContext* context) {
       text += fmt::format("1 sigma {:.2f} +- {:.2f} m per axis, estimated from {} (stated: {:.2f} m)", e.sigma_m,
                           e.relative_sigma * e.sigma_m, e.positions, e.stated_sigma_m);
     } else {
-      text += fmt::format("{} are too few to estimate their sigma; {:.2f} m is taken as stated", e.positions,
+      text += fmt::format("{} are too few to estimate their sigma; the stated {:.2f} m is used", e.positions,
                           e.stated_sigma_m);
     }
-    text += fmt::format("; {} of {} wrong, a share of {:.0f} % with the {:.0f} % that are expected", e.outliers,
-                        e.positions, 100 * share, 100 * expected);
     const bool bad = AtLeast(e.outliers, e.positions, expected) < kUnlikely;
+    text +=
+        fmt::format("; {} of {} contradict the run; estimated share of wrong positions {:.0f} %, expected {:.0f} %{}",
+                    e.outliers, e.positions, 100 * share, 100 * expected, bad ? "; check them" : "");
     context->progress.Log(bad ? LogLevel::kWarning : LogLevel::kInfo, text);
     context->metrics["sources"][e.source] = {{"positions", e.positions},       {"outliers", e.outliers},
                                              {"outlier_share", share},         {"stated_sigma_m", e.stated_sigma_m},

@@ -132,12 +132,11 @@ void RequireDriftExplains(const Run& run, const Reconstruction& r) {
   if (!(WiderThanExplained(r) > 1)) return;
   throw RefusedInput(
       kRefusedOdometry,
-      fmt::format(
-          "{}: by the images, odometry drifts, but without the drift they contradict it, too (to fit it, they "
-          "take part with {:.0f} times the noise of their features): the lens seems to be another one; expected "
-          "the calibration of this camera, with the signs of its distortion model: calibrate it anew (trigpoint "
-          "calibrate), and check odometry.tum. Option check_conventions=false skips this check",
-          (run.dir / "camchain.yaml").string(), r.correlation_inflation));
+      fmt::format("{}: the images contradict odometry even after its drift is taken out (they fit it only with {:.0f} "
+                  "times the noise of their features): the calibration seems to be that of another lens; expected that "
+                  "of this camera, with the signs of its distortion model: calibrate it anew (trigpoint calibrate), "
+                  "and check odometry.tum. Option --set reconstruct.check_conventions=false skips this check",
+                  (run.dir / "camchain.yaml").string(), r.correlation_inflation));
 }
 
 // What the lenses leave open is part of the covariances: of lenses found from the images, and of all in a run without
@@ -205,15 +204,15 @@ void RequireNoContradictedStep(const Run& run, const LocalizeInput& input, const
         fmt::format("{}: between {:.3f} and {:.3f} s the images move on by about {:.2f} m more than odometry, which "
                     "they agree with in all other steps (chi-square falls by {:.0f} without this one): pictures seem "
                     "to be missing there, so that later ones have the times of earlier ones; expected each picture "
-                    "with its own time. Option check_conventions=false skips this check",
+                    "with its own time. Option --set reconstruct.check_conventions=false skips this check",
                     (run.dir / "images.txt").string(), seconds(step->before), seconds(step->after),
                     step->shift_m.norm(), step->gain));
   }
   const std::string text = fmt::format(
       "{}: jumps by about {:.2f} m between {:.3f} and {:.3f} s: the images contradict this step and agree with all "
       "others (chi-square falls by {:.0f} without it); expected a continuous motion without corrections by GPS or "
-      "loops. Images of something that repeats along the way look the same: then option check_conventions=false skips "
-      "this check",
+      "loops. Images of something that repeats along the way look the same: then option --set "
+      "reconstruct.check_conventions=false skips this check",
       (run.dir / "odometry.tum").string(), step->shift_m.norm(), seconds(step->before), seconds(step->after),
       step->gain);
   throw RefusedInput(kRefusedOdometry, text);
@@ -230,7 +229,7 @@ void RequireNoJump(const Run& run, const LocalizeInput& input, const Reconstruct
   const std::string text = fmt::format(
       "{}: jumps between {:.3f} and {:.3f} s: {} of {} points that images on both sides show fit each other if all "
       "that follows is moved by {:.2f} m, and {} as it is; expected a continuous motion without corrections by GPS or "
-      "loops. Option check_conventions=false skips this check",
+      "loops. Option --set reconstruct.check_conventions=false skips this check",
       (run.dir / "odometry.tum").string(), seconds(jump->before), seconds(jump->after), jump->fitting, jump->points,
       jump->shift_m.norm(), jump->fitting_unmoved);
   throw RefusedInput(kRefusedOdometry, text);
@@ -258,7 +257,7 @@ void RequireArms(const Run& run, const LocalizeInput& input, const Reconstructio
   throw InputError(fmt::format(
       "{}: by images and odometry the cameras stand some {:.1f} m from where T_cam_imu of the calibration puts them on "
       "the body (x forward, y left, z up); expected their places to a few centimetres: measure them anew, and check of "
-      "which point of the body odometry.tum is. Option check_conventions=false skips this check",
+      "which point of the body odometry.tum is. Option --set reconstruct.check_conventions=false skips this check",
       (run.dir / "camchain.yaml").string(), arm.norm()));
 }
 
@@ -284,12 +283,12 @@ void HeedContradiction(const Run& run, const LocalizeInput& input, const Reconst
   for (const BodyCamera& c : input.cameras) half_diagonal = std::max(half_diagonal, HalfDiagonal(c.camera));
   const double acting_px = r.sigma_px * r.correlation_inflation;
   const std::string text = fmt::format(
-      "run {}: images and odometry contradict each other; to fit it, the images take part with a noise of {:.1f} px, "
-      "{:.0f} times that of their features; check odometry (wheels that slip, a part with other lengths, corrections "
-      "by a map) and the calibration",
+      "run {}: images and odometry contradict each other: they fit only with a noise of the images of {:.1f} px, "
+      "{:.0f} times that of their features; check odometry (wheels that slip, a wrong scale in a part, corrections by "
+      "a map) and the calibration",
       run.name, acting_px, r.correlation_inflation);
   if (refuse && acting_px > kNothing * half_diagonal) {
-    throw RefusedInput(kRefusedOdometry, text + ". Option check_conventions=false skips this check");
+    throw RefusedInput(kRefusedOdometry, text + ". Option --set reconstruct.check_conventions=false skips this check");
   }
   context.progress.Log(LogLevel::kWarning, text);
 }
@@ -357,11 +356,11 @@ LocalizeJob ReconstructImagesAlone(const ReconstructRunOptions& options, const f
     return done(found.unit, kUnknownScaleSigma);
   }
   if (!length.known) {
-    job.warnings.push_back(fmt::format(
-        "run {}: the distances between its cameras do not show its length ({} matches between cameras that stand apart "
-        "agree; expected a length to 10 %, 1 sigma): the {} images of cameras that stand apart from the first take no "
-        "part in the reconstruction",
-        run.name, length.matches, job.input.images.size() - images.size()));
+    job.warnings.push_back(
+        fmt::format("run {}: the distances between its cameras do not determine its scale ({} matches between cameras "
+                    "that stand apart agree; expected the scale to 10 %, 1 sigma): the {} images of cameras away from "
+                    "the first are not used; odometry would give the scale",
+                    run.name, length.matches, job.input.images.size() - images.size()));
     return done(found.unit, kUnknownScaleSigma);
   }
   context.metrics["length_by_rig"]["sigma_share"] = length.sigma_share;

@@ -497,8 +497,8 @@ std::string FewAgree(const EarthSolution& best, const std::vector<GeoObservation
   }
   if (agree == positions || agree >= kMajority) return "";
   return fmt::format(
-      "{} of {} geotags contradict the others, and fewer than {} agree, which may be wrong alike; check the positions, "
-      "heights and headings of all, correct the wrong ones or add another geotag",
+      "{} of {} positions (geotags, GPS fixes) contradict the others, and fewer than {} agree, which may be wrong "
+      "alike; check the positions, heights and headings of all, correct the wrong ones or add another geotag",
       positions - agree, positions, kMajority);
 }
 
@@ -518,9 +518,10 @@ std::string DoubtfulHeading(const std::vector<GeoObservation>& obs) {
 // roughly; in those of images alone, what is seen is 10 m away in the median.
 std::string Undecided(const EarthSolution& best, const std::vector<EarthSolution>& all,
                       const std::vector<GeoObservation>& obs, bool size_known, const GeoRegistrationOptions& options) {
-  if (!best.good) return "the geotags do not fix the run's frame";
+  if (!best.good) return "the geotags (or GPS fixes) do not determine the run's pose on the Earth";
   const double most = size_known ? 10 : 100;  // 0.1 to 1,000 m away
-  if (!(best.s.scale > 1 / most) || !(best.s.scale < most)) return "the geotags contradict the run's size";
+  if (!(best.s.scale > 1 / most) || !(best.s.scale < most))
+    return "the geotags (or GPS fixes) contradict the run's size";
   std::vector<Eigen::Vector3d> positions;
   std::vector<double> sigmas;
   int headings = 0, wrong_headings = 0;
@@ -720,8 +721,8 @@ std::string NoDirection(const std::vector<GeoObservation>& obs) {
     return fmt::format("none of {} localized panoramas or photos has a position that is used", obs.size());
   }
   return fmt::format(
-      "{} position{} {} (geotags of localized panoramas and photos, GPS fixes), without a heading: the run's direction "
-      "is not known; expected positions more than {} m apart, or a geotag with a heading",
+      "the run's direction is not known: {} position{} {} (geotags of localized panoramas and photos, GPS fixes), "
+      "without a heading; expected positions more than {} m apart, or a geotag with a heading",
       positions, positions == 1 ? "" : "s",
       positions == 1 ? "is there" : fmt::format("lie within {} m of each other", kApart_m), kApart_m);
 }
@@ -844,8 +845,8 @@ bool ContradictsShape(const Enlargement& enlarged, const EarthSolution& best) {
 
 std::string ShapeContradiction(size_t geotags, double factor) {
   return fmt::format(
-      "most of {} geotags contradict the run's shape, by {:.0f} times their sigmas in the median; check latitude, "
-      "longitude and the odometry",
+      "most of {} geotags (or GPS fixes) contradict the run's shape, by {:.0f} times their sigmas in the median; check "
+      "latitude, longitude and the odometry",
       geotags, factor);
 }
 
@@ -865,9 +866,10 @@ std::string Remarks(const std::optional<OtherScale>& other, const std::vector<Ot
     if (turn.certain) add(turn.Describe());
   }
   if (enlarged.factor > 1) {
-    add(fmt::format(
-        "geotags are farther off than their sigmas allow; these and the result's sigmas{} are multiplied by {:.1f}",
-        enlarged.of_run ? "" : ", as far as they are from geotags,", enlarged.factor));
+    add(
+        fmt::format("geotags (or GPS fixes) are farther off than their sigmas allow; these and the result's sigmas{} "
+                    "are multiplied by {:.1f}",
+                    enlarged.of_run ? "" : ", as far as they are from geotags,", enlarged.factor));
   }
   return reason;
 }
@@ -986,9 +988,8 @@ GeoRegistration RegisterToEarth(const std::vector<GeoObservation>& obs, const Ei
   if (!contradicted(result) && factor < kMostSigmaFactor) {
     for (GeoObservation& o : changed) o.sigma_tilt_rad *= factor * std::sqrt(static_cast<double>(result.tilts));
     return say(
-        fmt::format("pitch and roll of {} geotags scatter by {:.1f} times their sigmas; together they count as one "
-                    "with so large a sigma, as their errors may be common; check pitch_deg, roll_deg and "
-                    "sigma_tilt_deg",
+        fmt::format("pitch and roll of {} geotags scatter by {:.1f} times their sigmas; as the error may be common to "
+                    "all, they count as one geotag with the larger sigma; check pitch_deg, roll_deg and sigma_tilt_deg",
                     result.tilts, factor),
         Register(changed, odom_covariance, scale_prior, scale_sigma, levelled, options));
   }

@@ -337,11 +337,11 @@ void AddOpenClock(const Matrix7d& open, double doubt, const std::vector<Offset>&
   const double before = ReachOf(geo->covariance, offsets), clock = ReachOf(open, offsets);
   geo->covariance += open;
   if (clock < before) return;
-  Say(fmt::format("the shape of the run does not show whether the clocks of GPS and images agree, and an offset moves "
-                  "the run along its path. The clock of GPS is taken to be wrong with a probability of {:g}; this is "
-                  "{:.1f} m of the result's horizontal sigmas, besides {:.1f} m. If the clocks are synchronised, set "
-                  "localize.geo.gps_clock_doubt to 0",
-                  doubt, clock, before),
+  Say(fmt::format(
+          "the shape of the run does not show whether the clocks of GPS and images agree; an offset moves the run "
+          "along its path. One is assumed with a probability of {:g}: it adds {:.1f} m to the horizontal sigma, all "
+          "other errors {:.1f} m. If the clocks are synchronised, set localize.geo.gps_clock_doubt to 0",
+          doubt, clock, before),
       geo);
 }
 

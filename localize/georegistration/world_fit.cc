@@ -347,8 +347,8 @@ bool Fitter::LeaveOutWorst(WorldFit* fit) {
   const int id = evidence_.tags[in_map_[which]].id;
   fit->left_out.push_back(id);
   fit->warnings.push_back(
-      fmt::format("this run's images show tag {} at another place than the map (chi-square {:.0f} with 6 degrees of "
-                  "freedom, limit {:.0f}): the tag is left out of the map",
+      fmt::format("tag {} is at another place in this run's images than in the map (chi-square {:.0f} with 6 degrees "
+                  "of freedom, limit {:.0f}): its pose in the map is not used for this run. Was the tag moved?",
                   id, worst, kMovedChi2));
   in_map_.erase(in_map_.begin() + static_cast<std::ptrdiff_t>(which));
   SetMap();
@@ -459,7 +459,7 @@ std::optional<Rigid3d> PoseOfAnchors(const std::vector<Anchor>& anchors, const s
     if (!best || cost < least) best = pose, least = cost;
   }
   if (!best) {
-    *reason = "the tags and control points that the run shows do not fix its frame";
+    *reason = "too few common tags, points or panoramas to determine its pose";
     return best;
   }
   std::vector<const Anchor*> near;
@@ -467,8 +467,8 @@ std::optional<Rigid3d> PoseOfAnchors(const std::vector<Anchor>& anchors, const s
     if (AnchorDistance(anchor, *best) < kAnchorNear_m) near.push_back(&anchor);
   }
   if (2 * near.size() < anchors.size()) {
-    *reason = fmt::format("{} of {} tags, points or panoramas fit within {} m of one position of the run", near.size(),
-                          anchors.size(), kAnchorNear_m);
+    *reason = fmt::format("only {} of {} tags, points and panoramas fit within {} m of one pose of the run",
+                          near.size(), anchors.size(), kAnchorNear_m);
     return std::nullopt;
   }
   if (near.size() >= 3) {

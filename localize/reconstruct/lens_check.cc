@@ -177,8 +177,7 @@ std::optional<std::string> Contradiction(const LocalizeInput& input, const LensC
       "the images contradict the camera's calibration: another lens ({}) removes {:.0f} % of their squared residuals; "
       "expected the calibration of this camera at this zoom, focus and picture size (camchain.yaml): calibrate it anew "
       "(trigpoint calibrate). In a run straight ahead, odometry whose heading or height drifts shows the same: check "
-      "it, "
-      "too. Option check_conventions=false skips this check",
+      "it, too. Option --set reconstruct.check_conventions=false skips this check",
       text, 100 * check.better);
 }
 

@@ -398,7 +398,7 @@ std::string Jump(const LocalizeInput& input, const std::string& odometry, int fr
   return fmt::format(
       "{}: jumps between {:.3f} and {:.3f} s: it moves {:.2f} m and turns {:.0f} deg there, which the images "
       "contradict; expected a continuous motion without corrections by GPS or loops, and the calibration of this "
-      "camera. Option check_conventions=false skips this check",
+      "camera. Option --set reconstruct.check_conventions=false skips this check",
       odometry, 1e-9 * static_cast<double>(input.pose_stamps[a]), 1e-9 * static_cast<double>(input.pose_stamps[b]),
       moved, turned * kRadToDeg);
 }
@@ -426,9 +426,9 @@ std::optional<std::string> FindStandstill(const LocalizeInput& input, const std:
   }
   if (compared < 2) return std::nullopt;
   return fmt::format(
-      "{}: moves {:.2f} m between {} pairs of images that show the same picture: the camera hung, or images.txt lists "
-      "one picture at several times; expected a picture of each moment. Option check_conventions=false skips this "
-      "check",
+      "{}: moves {:.2f} m in all between the images of {} pairs that show the same picture: the camera froze, or "
+      "images.txt lists one picture at several times; expected one picture for each time. Option --set "
+      "reconstruct.check_conventions=false skips this check",
       odometry, moved, compared);
 }
 
@@ -462,9 +462,9 @@ std::optional<std::string> FindHeld(const LocalizeInput& input, const std::strin
   }
   if (moving < kLeast || 3 * moving < 2 * compared) return std::nullopt;
   return fmt::format(
-      "{}: stands still, with the same pose at both ends, in {} of {} steps from image to image; of {} of these that "
-      "were looked at, the pictures move in {}: its poses seem to be held until the next one comes; expected each pose "
-      "at its own time only, or one that is interpolated. Option check_conventions=false skips this check",
+      "{}: the pose does not change in {} of {} steps from image to image; of {} of these that were examined, the "
+      "images move in {}: poses seem to be held until the next one comes; expected each pose at its own time only, or "
+      "interpolated ones. Option --set reconstruct.check_conventions=false skips this check",
       odometry, held.size(), steps, compared, moving);
 }
 
@@ -504,7 +504,8 @@ std::optional<std::string> FindFrozen(const LocalizeInput& input, const std::str
       if (!still || !catching_up || !differs(*still, 0) || !differs(*catching_up, turn(other, after))) continue;
       return fmt::format(
           "{}: jumps: it has the same pose at {:.3f} and {:.3f} s, but the images turn by {:.1f} deg (1 sigma {:.1f} "
-          "deg) between these times; expected a pose of each moment. Option check_conventions=false skips this check",
+          "deg) between these times; expected a pose of each moment. Option --set reconstruct.check_conventions=false "
+          "skips this check",
           odometry, 1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(step.a)]),
           1e-9 * static_cast<double>(input.pose_stamps[static_cast<size_t>(step.b)]),
           kRadToDeg * AngleBetween(still->b_from_a.rotation, Eigen::Quaterniond::Identity()),
@@ -550,7 +551,7 @@ std::string Contradiction(const ReadingVerdict& v, const std::string& odometry) 
         "time_offset_s in run.yaml), and the calibration in camchain.yaml (T_cam_imu, lens model, intrinsics, "
         "distortion)";
   }
-  return text + ". Option check_conventions=false skips this check";
+  return text + ". Option --set reconstruct.check_conventions=false skips this check";
 }
 
 struct Turns {
@@ -614,15 +615,15 @@ std::string OtherClock(const OdometryClock& clock, const std::string& odometry) 
     return fmt::format(
         "{}: its clock runs about {:.1f} % {} than the images': with its stamps corrected its rotations agree with the "
         "images' (median difference {:.2f} deg, uncorrected {:.2f} deg); expected one clock for both: correct its "
-        "stamps. Option check_conventions=false skips this check",
+        "stamps. Option --set reconstruct.check_conventions=false skips this check",
         odometry, 100 * std::abs(clock.rate), clock.rate < 0 ? "faster" : "slower", clock.off_after_rad * kRadToDeg,
         clock.off_before_rad * kRadToDeg);
   }
   return fmt::format(
       "{}: its clock is {:+.2f} s off the images' (1 sigma {:.2f} s): with its stamps corrected its rotations agree "
       "with the images' (median difference {:.2f} deg, uncorrected {:.2f} deg); expected one clock for both: write "
-      "odometry: {{time_offset_s: {:.2f}}} into run.yaml (add it to an offset that is there already). Option "
-      "check_conventions=false skips this check",
+      "odometry: {{time_offset_s: {:.2f}}} into run.yaml (add it to an offset that is there already). Option --set "
+      "reconstruct.check_conventions=false skips this check",
       odometry, -clock.offset_s, clock.sigma_s, clock.off_after_rad * kRadToDeg, clock.off_before_rad * kRadToDeg,
       clock.offset_s);
 }
@@ -642,7 +643,7 @@ std::optional<std::string> FindOtherClock(const Trajectory& whole, const std::ve
       "{}: {} about {:.1f} s its clock is {:+.2f} s off the images' (1 sigma {:.2f} s; with its stamps corrected the "
       "median difference of rotations is {:.2f} deg, uncorrected {:.2f} deg), in the other part of the run it agrees; "
       "expected one clock for both: check the times and the order of the images (one that was lost shifts the times of "
-      "all that follow) and of odometry. Option check_conventions=false skips this check",
+      "all that follow) and of odometry. Option --set reconstruct.check_conventions=false skips this check",
       odometry, step->after ? "after" : "before", 1e-9 * static_cast<double>(step->at_ns), -step->clock.offset_s,
       step->clock.sigma_s, step->clock.off_after_rad * kRadToDeg, step->clock.off_before_rad * kRadToDeg);
 }
@@ -665,12 +666,12 @@ std::optional<std::string> FindWrongMount(const LocalizeInput& input, const std:
                                               camera.name, deg.x(), deg.y(), deg.z(), error->sigma_rad * kRadToDeg));
     if (error->rotation.norm() < std::max(kMost_rad, kSigmas * error->sigma_rad)) continue;
     return fmt::format(
-        "{}: {}: its T_cam_imu differs by {:.1f} deg (1 sigma {:.1f} deg) from the one that the motions of {} pairs of "
-        "images show against odometry: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; "
-        "expected the pose of the camera on the body (x forward, y left, z up). Odometry whose positions are turned "
-        "against its rotations shows the same; on a straight path odometry whose z is negated does, and on one that "
-        "bends evenly a wrong translation or a calibration of another focal length or distortion: calibrate the camera "
-        "anew, or correct what is wrong. Option check_conventions=false skips this check",
+        "{}: {}: its T_cam_imu differs by {:.1f} deg (1 sigma {:.1f} deg) from what the motions of {} pairs of images "
+        "show: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; expected the pose of the "
+        "camera on the body (x forward, y left, z up): correct it, or calibrate the camera anew. Other causes: "
+        "positions of odometry that are turned against its rotations; on a straight path, a negated z; on an even "
+        "curve, a wrong translation of T_cam_imu, focal length or distortion. Option --set "
+        "reconstruct.check_conventions=false skips this check",
         calibration, camera.name, deg.norm(), error->sigma_rad * kRadToDeg, error->motions, deg.x(), deg.y(), deg.z());
   }
   return std::nullopt;
@@ -689,9 +690,8 @@ std::optional<std::string> FindWrongStretch(const LocalizeInput& input, const st
   return fmt::format(
       "{}: contradicts the images: its lengths are too long in one direction by a factor of {}, as the directions of "
       "motion in {} pairs of images show; a wrong lens model, distortion or focal length in camchain.yaml shows the "
-      "same. Expected metres in all directions: correct the positions or the calibration. Option "
-      "check_conventions=false "
-      "skips this check",
+      "same. Expected metres in all directions: correct the positions or the calibration. Option --set "
+      "reconstruct.check_conventions=false skips this check",
       odometry, found, stretch->motions);
 }
 
@@ -793,9 +793,9 @@ std::optional<std::string> ContradictedByPairs(const LocalizeInput& input, const
   for (const ImagePair& pair : rejected) contradicting += std::abs(moment(pair.b) - moment(pair.a)) == 1;
   if (contradicting < kLeast || 2 * contradicting < moments.back()) return {};
   return fmt::format(
-      "{}: contradicts the images: of {} steps from image to image, {} are clear by their matches, and odometry agrees "
-      "with none of them within its noise. Check its time (odometry: time_offset_s in run.yaml), that it is of this "
-      "run, and T_cam_imu. Option check_conventions=false skips this check",
+      "{}: contradicts the images: of {} steps between images, {} have enough matches to be judged, and odometry "
+      "agrees with none of these within its noise. Check its times (odometry: time_offset_s in run.yaml), that it "
+      "belongs to this run, and T_cam_imu. Option --set reconstruct.check_conventions=false skips this check",
       odometry, moments.back(), contradicting);
 }
 

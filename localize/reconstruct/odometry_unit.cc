@@ -48,7 +48,7 @@ std::optional<std::string> FindOtherUnit(const Run& run) {
   const std::string unit = UnitOfLength(factor, 0.15 + 2 * sigma / theirs);
   return fmt::format(
       "{}: the run extends over {:.1f} m by its positions, and over {:.1f} m by GPS (1 sigma: {:.1f} m); expected "
-      "metres{}. Convert the positions to metres; option check_conventions=false skips this check",
+      "metres{}. Convert the positions to metres. Option --set reconstruct.check_conventions=false skips this check",
       (run.dir / "odometry.tum").string(), ours, theirs, sigma, unit.empty() ? "" : ", found what may be " + unit);
 }
 

@@ -42,9 +42,9 @@ bool LeaveOutLoose(const std::vector<int>& loose, std::vector<SiteRun>* runs, st
   for (auto r = loose.rbegin(); r != loose.rend(); ++r) {
     const auto run = runs->begin() + *r;
     warnings->push_back("run " + run->name +
-                        " is left out: nothing that the adjustment uses holds it in the world, neither geotags, GPS, "
-                        "surveyed tags nor a panorama, tag or image in common with a run that is held; what "
-                        "georeferenced it may be used by --use tags, --use control or --use gps");
+                        " is left out: no geotag, GPS fix or surveyed tag that is used ties it to the world, and it "
+                        "shares no panorama, tag or image with a run that is tied; use what georeferenced it: --use "
+                        "tags, --use control or --use gps");
     runs->erase(run);
   }
   return true;

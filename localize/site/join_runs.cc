@@ -121,7 +121,7 @@ class Placing {
     std::optional<Rigid3d> pose = anchors.empty() ? own : PoseOfAnchors(anchors, own, &reason);
     if (!pose && !anchors.empty()) {
       const char* whom = behind.empty() ? "what holds the site" : "the runs before it";
-      warnings->push_back(fmt::format("run {} contradicts {}: {}; {}", runs_[run].name, whom, reason,
+      warnings->push_back(fmt::format("run {} cannot be placed by {}: {}; {}", runs_[run].name, whom, reason,
                                       own ? "it is placed by its own georeference" : "it is left out"));
       pose = own;
     }

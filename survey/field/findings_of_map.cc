@@ -165,9 +165,10 @@ void FindInClock(const FieldRun& run, std::vector<SiteFinding>* findings) {
     findings->push_back({light, "clock", run.run->name + ": " + text});
   };
   if (clock.significant) {
-    add(Light::kRed, fmt::format("odometry's clock is {:+.2f} s off the pictures' (1 sigma {:.2f} s): write odometry: "
-                                 "{{time_offset_s: {:.2f}}} into run.yaml, or record again",
-                                 -clock.offset_s, clock.sigma_s, clock.offset_s));
+    add(Light::kRed,
+        fmt::format("odometry's clock is {:+.2f} s off the pictures' (1 sigma {:.2f} s): write odometry: "
+                    "{{time_offset_s: {:.2f}}} into run.yaml, or record again",
+                    -clock.offset_s, clock.sigma_s, run.run->config.odometry_time_offset_s + clock.offset_s));
   } else if (clock.agrees && clock.sigma_s < kClockKnown_s) {
     add(Light::kGreen, fmt::format("odometry's clock agrees with the pictures' ({:+.2f} s, 1 sigma {:.2f} s)",
                                    -clock.offset_s, clock.sigma_s));
@@ -208,8 +209,8 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
     const double scale = std::abs(found.scale - 1);
     if (scale > 3 * run.run->config.odometry_scale_sigma && scale > 3 * found.scale_sigma) {
       add(Light::kAmber, "odometry",
-          fmt::format("by the tags the lengths of odometry are {:.3f} times as long, a difference larger than "
-                      "scale_sigma {:g} allows; check the tags' size",
+          fmt::format("true lengths, by the tags, are {:.3f} times those of odometry, which scale_sigma {:g} does not "
+                      "allow; check the tags' sizes and odometry's unit",
                       found.scale, run.run->config.odometry_scale_sigma));
     }
     if (!found.jumps_ns.empty()) {
@@ -227,7 +228,8 @@ void FindInOdometry(const FieldFacts& facts, const FieldRun& run, std::vector<Si
               factor));
     } else {
       add(Light::kGreen, "odometry",
-          fmt::format("odometry agrees with the tags; by them its lengths are {:.3f} times as long (1 sigma {:.3f})",
+          fmt::format("odometry agrees with the tags; true lengths, by them, are {:.3f} times those of odometry (1 "
+                      "sigma {:.3f})",
                       found.scale, found.scale_sigma));
     }
   }

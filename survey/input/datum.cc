@@ -74,12 +74,12 @@ void LevelTags(const DatumOptions& options, SurveyInput* level) {
 }
 
 // What was asked for and isn't there is never replaced by something else.
-void RequireDatum(const std::string& datum, bool known, bool levelled) {
-  if (datum == "control" && !known) {
+void RequireDatum(const std::string& datum, bool has_control, bool has_geotags, bool levelled) {
+  if (datum == "control" && !has_control) {
     throw InputError(
         "datum control: no surveyed point can be used as control; give control_points.csv, or another datum");
   }
-  if (datum == "geotags" && !known) {
+  if (datum == "geotags" && !has_geotags) {
     throw InputError(
         "datum geotags: no panorama with a position belongs to a station of stations.csv; give them, or another datum");
   }
@@ -104,12 +104,14 @@ void SetDatum(const Project& project, const DatumOptions& options, const CancelT
   input.use_control = datum == "auto" || datum == "control";
   if (input.use_control) AddStations(project, FrameOfControl(project, input), cancel, job);
   AddControl(project, input.use_control, job);
+  const auto gives_datum = [](const SurveyPoint& p) { return p.role != PointRole::kCheck; };
+  const bool has_control = std::any_of(input.points.begin(), input.points.end(), gives_datum);
   const std::vector<SurveyPoint> geotags = GeotagPoints(project);
+  const bool has_geotags = std::any_of(geotags.begin(), geotags.end(), gives_datum), known = has_control || has_geotags;
   input.points.insert(input.points.end(), geotags.begin(), geotags.end());
-  bool known = false, fixes = false, levelled = false;
-  for (const SurveyPoint& p : input.points) known |= p.role != PointRole::kCheck;
+  bool fixes = false, levelled = false;
   for (const SurveyRun& run : input.runs) levelled |= run.levelled;
-  RequireDatum(datum, known, levelled);
+  RequireDatum(datum, has_control, has_geotags, levelled);
   for (const SurveyRun& run : input.runs) fixes |= !run.gps.empty();
   input.use_gps = datum == "gps" || (datum == "auto" && !known && fixes);
   if (datum == "gps" && !fixes) throw InputError("datum gps: no survey run has GPS fixes at the time of its pictures");

@@ -80,9 +80,9 @@ void RequireOneSite(const Project& project, SurveyJob* job) {
   }
   if (apart > kOneSite_m) {
     throw InputError(
-        fmt::format("control_points.csv: the surveyed points lie {:.0f} km from the geotags and GPS fixes: "
-                    "check the zone, the EPSG code, and whether latitude and longitude are swapped; "
-                    "check_conventions=false omits this check",
+        fmt::format("control_points.csv: the surveyed points lie {:.0f} km from the geotags and GPS fixes: check the "
+                    "zone, the EPSG code, and whether latitude and longitude are swapped; option --set "
+                    "survey.check_conventions=false skips this check",
                     1e-3 * apart));
   }
   if (surveyed.height.empty() || satellites.height.empty()) return;
@@ -90,13 +90,13 @@ void RequireOneSite(const Project& project, SurveyJob* job) {
   if (std::abs(theirs - ours) < kGeoid_m) return;
   const bool feet = std::abs(theirs * kFoot_m - ours) < kGeoid_m,
              geotag_feet = std::abs(ours * kFoot_m - theirs) < kGeoid_m;
-  throw InputError(
-      fmt::format("control_points.csv: the surveyed heights (median {:.0f} m) differ from those of geotags and GPS "
-                  "(median {:.0f} m) by more than any geoid height{}; check_conventions=false omits this check",
-                  theirs, ours,
-                  feet          ? ": they seem to be in feet, expected metres"
-                  : geotag_feet ? ": those of the geotags seem to be in feet, expected metres"
-                                : ": check the unit, the sign and the height system"));
+  throw InputError(fmt::format(
+      "control_points.csv: the surveyed heights (median {:.0f} m) differ from those of geotags and GPS (median {:.0f} "
+      "m) by more than any geoid height{}; option --set survey.check_conventions=false skips this check",
+      theirs, ours,
+      feet          ? ": they seem to be in feet, expected metres"
+      : geotag_feet ? ": those of the geotags seem to be in feet, expected metres"
+                    : ": check the unit, the sign and the height system"));
 }
 
 }  // namespace trigpoint

@@ -259,7 +259,7 @@ void CheckSizes(const SurveyInput& input, const std::vector<std::map<int, std::v
         {true,
          fmt::format("tags.yaml: by odometry the tags are {:.2f} times as far away as by their stated size ({} of {} "
                      "visits agree): either all tags were printed {:.2f} times as large as stated, or odometry is not "
-                     "in metres. Measure a printed tag; check_conventions=false skips this check",
+                     "in metres. Measure a printed tag. Option --set survey.check_conventions=false skips this check",
                      together.middle, together.alike, together.all.size(), together.middle)});
     return;
   }
@@ -269,11 +269,11 @@ void CheckSizes(const SurveyInput& input, const std::vector<std::map<int, std::v
   for (size_t r = 0; confirmed && r < runs.size(); ++r) {
     if (!by_run[r].IsOff()) continue;
     findings->push_back(
-        {true,
-         fmt::format("run {}: its odometry is {:.3f} times as long as the tags' stated sizes say ({} of {} visits "
-                     "agree), while the odometry of other runs agrees with the sizes: expected metres; correct "
-                     "the unit or the scale of its odometry.tum; check_conventions=false skips this check",
-                     input.runs[r].name, by_run[r].middle, by_run[r].alike, by_run[r].all.size())});
+        {true, fmt::format(
+                   "run {}: lengths of its odometry are {:.3f} times those by the tags' stated sizes ({} of {} visits "
+                   "agree), while the odometry of other runs agrees with the sizes: expected metres; correct the unit "
+                   "or the scale of its odometry.tum. Option --set survey.check_conventions=false skips this check",
+                   input.runs[r].name, by_run[r].middle, by_run[r].alike, by_run[r].all.size())});
   }
 }
 
@@ -403,11 +403,10 @@ void CheckHead(const MapStart& start, const std::vector<Eigen::Vector3d>& map,
     ++bodies;
   }
   if (bodies < kLeastSteps || up / bodies > kDown) return;
-  findings->push_back(
-      {true,
-       "control_points.csv: the surveyed points fit the pictures only with the site on its head: the body's z axis "
-       "points down in the mean, expected up. The points are mirrored: latitude and longitude, or easting and "
-       "northing, are swapped, or one has the wrong sign: correct the table"});
+  findings->push_back({true,
+                       "control_points.csv: the surveyed points fit the pictures only with the site on its head (the "
+                       "body's z axis points down in the mean, expected up): they are mirrored. Exchange latitude and "
+                       "longitude, or easting and northing, or correct the sign of one"});
 }
 
 }  // namespace

@@ -290,7 +290,7 @@ void MapSolver::RequireMetres(const Hypothesis& all) const {
   throw InputError(
       fmt::format("control_points.csv: the surveyed points are {:.4g} times as far from each other as by the tags' "
                   "sizes and by odometry, which agree; expected metres{}: check the table's unit and the scale of its "
-                  "grid; check_conventions=false skips this check",
+                  "grid. Option --set survey.check_conventions=false skips this check",
                   factor, unit.empty() ? "" : ", found what may be " + unit));
 }
 

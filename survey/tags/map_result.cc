@@ -358,7 +358,8 @@ void MapSolver::CompareDistances() {
     const SurveyDistance& d = input_.distances[i];
     const auto a = tag_unknown_.find(d.from), b = tag_unknown_.find(d.to);
     if (a == tag_unknown_.end() || b == tag_unknown_.end() || d.from == d.to) {
-      Warn(fmt::format("distance {} - {}: the map does not have both tags", d.from, d.to));
+      Warn(fmt::format("distances.csv: distance {} - {} is not used: the map does not have both tags; check the ids",
+                       d.from, d.to));
       continue;
     }
     const Eigen::Vector3d along = TagPose(d.to).translation - TagPose(d.from).translation;

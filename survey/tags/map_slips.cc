@@ -20,8 +20,8 @@ constexpr size_t kMostInstead = 16;  // tags asked about jumps in a run
 
 std::string MoveOrJump::Text(const std::string& run_name) const {
   return fmt::format(
-      "tag {} stood {:.2f} m from its place when {} passed it, or odometry of {} jumped at {} s: the pictures do not "
-      "show which",
+      "tag {} was {:.2f} m from its place when {} passed it, or odometry of {} jumped at {} s; the pictures do not "
+      "show which: photograph the tag together with its neighbours",
       tag_id, moved_m, run_name, run_name, FormatNsAsSeconds(jump_ns, 1));
 }
 

@@ -144,13 +144,13 @@ void MapSolver::DropDatumWithoutFrame() {
     if (!input_.use_control || !input_.use_geotags) {  // one of them was asked for
       throw InputError("datum " + result_.datum + ": " + problem + "; give more of them, or another datum");
     }
-    Warn(problem + ": the map stays in a frame of its own");
+    Warn(problem + ": the map is not georeferenced; survey more points, or choose another datum");
   }
   const auto has_gps = [](const SurveyRun& run) { return !run.gps.empty(); };
   if (datum_points_.empty() && input_.use_gps && std::any_of(input_.runs.begin(), input_.runs.end(), has_gps)) {
-    const std::string problem = "expected GPS fixes that are not on one line, found none";
+    const std::string problem = "expected GPS fixes that are not on one line";
     if (!input_.use_control && !input_.use_geotags) throw InputError("datum gps: " + problem);
-    Warn(problem + ": the map stays in a frame of its own");
+    Warn(problem + ": the map is not georeferenced; survey more points, or choose another datum");
   }
   datum_points_.clear();
   use_shift_ = false;

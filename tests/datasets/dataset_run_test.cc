@@ -351,7 +351,8 @@ TEST(VideoRun, TakesTheTrackBesideIt) {
                                      "none, distortion_coeffs: [], resolution: [64, 48]}\n");
   const fs::path site = dir / "site";
   const ImportReport report = ImportVideoRun(site, dir / "drive.avi", {"drive", "", cameras, 2});
-  EXPECT_THAT(Joined(report.warnings), HasSubstr("does not state when it began: taken as the first time of drive.gpx"));
+  EXPECT_THAT(Joined(report.warnings),
+              HasSubstr("states no start time that fits drive.gpx (within 1 h): taken as its first time"));
   const trigpoint::Run run = ReadRun(site / "runs/drive", site);
   EXPECT_EQ(run.images.size(), 10u);
   ASSERT_EQ(run.gps.size(), 2u);

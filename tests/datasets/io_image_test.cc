@@ -208,8 +208,8 @@ TEST(RunMasks, AreCheckedBeforeTheyAreUsed) {
   mask("c.png", 64, 0);
   CheckMasks(run, 2, listener, CancelToken());
   ASSERT_EQ(listener.lines.size(), 1u);
-  EXPECT_THAT(listener.lines[0],
-              AllOf(HasSubstr("masks/b.png: expected a mask that leaves"), HasSubstr("(so of 2 of 4 pictures)")));
+  EXPECT_THAT(listener.lines[0], AllOf(HasSubstr("masks/b.png: the mask ignores the whole picture"),
+                                       HasSubstr("(so of 2 of 4 pictures)")));
   listener.lines.clear();
   for (const char* name : {"a.png", "b.png", "c.png", "d.png"}) {
     cv::Mat inverted(48, 64, CV_8U, cv::Scalar(0));

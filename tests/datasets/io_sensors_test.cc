@@ -130,7 +130,7 @@ TEST(Camchain, ReadsReadoutTimes) {
   EXPECT_THAT(message(CameraText("cam0", std::string(kRadtan) + "  readout_s: 21.5\n")),
               HasSubstr("expected seconds from the first row to the last, at most 0.2, found 21.5"));
   EXPECT_THAT(message("cam0:\n  camera_model: equirectangular\n  resolution: [512, 256]\n  readout_s: 0.02\n"),
-              HasSubstr("expected none of a 360 camera or a crop"));
+              HasSubstr("a 360 camera or a crop does not have the rows of a sensor"));
 }
 
 TEST(GpsCsv, SkipsBadRowsAndSorts) {

@@ -391,7 +391,7 @@ TEST_F(SiteTest, LeavesOutPlacesThatOnlyTheOriginContradicts) {
   EXPECT_EQ(used(site, false), 0);
   EXPECT_THAT(Joined(site.warnings), HasSubstr("lie at least 5.0 km from origin.json"));
   EXPECT_EQ(used(read("48.045,7.8,240", "48.1,7.8,240"), false), 2) << "a site that is 6 km long";
-  for (const auto& [height, said] : {std::pair("0", "are all 0"), std::pair("787.4", "in feet"),
+  for (const auto& [height, said] : {std::pair("0", "all are 0"), std::pair("787.4", "in feet"),
                                      std::pair("192", "above the sea"), std::pair("2400", "expected metres above")}) {
     site = read(std::string("48.0001,7.8,") + height, std::string("48.0002,7.8,") + height);
     EXPECT_EQ(used(site, true), 0) << height;
@@ -676,7 +676,7 @@ TEST_F(SiteTest, APictureBelongsToOneReference) {
   const Site site = ReadSite(dir_.path());
   ASSERT_EQ(site.references.size(), 1u);
   EXPECT_EQ(site.references[0].name, "panoramas/a.jpg");
-  EXPECT_THAT(Joined(site.warnings), AllOf(HasSubstr("is brought twice"), HasSubstr("'panoramas/a.jpg'")));
+  EXPECT_THAT(Joined(site.warnings), AllOf(HasSubstr("is listed twice"), HasSubstr("'panoramas/a.jpg'")));
 }
 
 TEST_F(SiteTest, TakesTheCirclesOfADualFisheyeForTwoCameras) {
@@ -803,15 +803,15 @@ TEST_F(SiteTest, LeavesOutPlacesFarFromTheSite) {
   Write("panoramas.csv", header + right + "c.png,7.83,48.01,240\n");
   Site site = Read();
   EXPECT_EQ(positions(site), 2) << "the one that differs from the others";
-  EXPECT_THAT(Joined(site.warnings), HasSubstr("1 of 3 geotags of panoramas and photos lie"));
-  EXPECT_THAT(Joined(site.warnings), HasSubstr("the columns of one of the two are swapped"));
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("1 of 3 geotags of panoramas and photos are not used"));
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("exchange the two columns"));
   Write("panoramas.csv", header + "a.png,7.83,48.01,240\nb.png,7.8301,48.0101,240\n");
   EXPECT_EQ(positions(Read()), 2) << "nothing to compare with";
   Write("origin.json", "{\"lat\": 48.0, \"lon\": 7.8, \"alt\": 240}");
   site = Read();
   EXPECT_EQ(positions(site), 0);
   EXPECT_THAT(Joined(site.warnings), HasSubstr("km from origin.json"));
-  EXPECT_THAT(Joined(site.warnings), HasSubstr("the columns of one of the two are swapped"));
+  EXPECT_THAT(Joined(site.warnings), HasSubstr("exchange the two columns"));
   Write("panoramas.csv", header + right + "c.png,0,0,0\n");
   Write("runs/run1/gps.csv", "timestamp_s,latitude_deg,longitude_deg\n1,0,0\n2,48.01,7.83\n3,12,7.83\n");
   Write("control_points.csv", "tag_id,latitude_deg,longitude_deg,height_m\n1,48.01,7.83,240\n2,7.83,48.01,240\n");
@@ -821,7 +821,7 @@ TEST_F(SiteTest, LeavesOutPlacesFarFromTheSite) {
   EXPECT_EQ(site.control_points.size(), 1u);
   EXPECT_THAT(Joined(site.warnings), HasSubstr("1 of 3 geotags of panoramas and photos state latitude 0, longitude 0"));
   EXPECT_THAT(Warnings(site.runs[0]), HasSubstr("1 of 3 GPS fixes of run run1 state latitude 0, longitude 0"));
-  EXPECT_THAT(Warnings(site.runs[0]), HasSubstr("1 of 2 GPS fixes of run run1 lie"));
+  EXPECT_THAT(Warnings(site.runs[0]), HasSubstr("1 of 2 GPS fixes of run run1 are not used"));
 }
 
 TEST_F(SiteTest, ReadsStationsInBothForms) {
@@ -964,13 +964,13 @@ TEST_F(SiteTest, HeightsAboveWhatIsNotKnownAreNotMixedWithOthers) {
   std::vector<ControlPoint> points = ReadControlPoints(dir_ / "control_points.csv", &warnings);
   ASSERT_EQ(points.size(), 2u);
   EXPECT_EQ(points[0].geodetic->height_m, 240);
-  EXPECT_THAT(Joined(warnings), HasSubstr("heights above 'DHHN2016' are kept as they are: no geoid of that name"));
+  EXPECT_THAT(Joined(warnings), HasSubstr("heights above 'DHHN2016' are kept as they are: the geoid is not known"));
   Write("control_points.csv", header + alike + "3,control,48.01,7.832,288,\n4,control,48.01,7.83,240,no_such.gtx\n");
   warnings.clear();
   points = ReadControlPoints(dir_ / "control_points.csv", &warnings);
   ASSERT_EQ(points.size(), 1u);
   EXPECT_EQ(points[0].tag_id, 3);
-  EXPECT_THAT(Joined(warnings), HasSubstr("3 points are skipped: their heights are above another surface"));
+  EXPECT_THAT(Joined(warnings), HasSubstr("3 points are skipped: their height_system is not known"));
   EXPECT_THAT(Joined(warnings), HasSubstr("projsync --file no_such.gtx"));
 }
 

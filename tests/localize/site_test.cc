@@ -529,7 +529,7 @@ TEST(Site, RunThatNothingHoldsIsLeftOut) {
   ASSERT_EQ(site.runs.size(), 1u);
   EXPECT_EQ(site.runs[0].name, "run0");
   ASSERT_EQ(site.warnings.size(), 1u);
-  EXPECT_NE(site.warnings[0].find("run run1 is left out: nothing that the adjustment uses holds it"), std::string::npos)
+  EXPECT_NE(site.warnings[0].find("run run1 is left out: no geotag, GPS fix or surveyed tag"), std::string::npos)
       << site.warnings[0];
   const SiteAdjustment alone = Adjust({runs[1]});
   EXPECT_EQ(BodyError(site.solution, 0, 0), BodyError(alone.solution, 0, 0));

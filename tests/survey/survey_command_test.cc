@@ -160,6 +160,23 @@ TEST(SurveyCommand, WritesControlCheckResidualsDistancesAndSessions) {
 }
 
 // A plan says how many of its pictures a tag needs: as many, spread as they are, give the sigma that it promises.
+// Positions of panoramas at stations are no control points: what was asked for is never replaced by something else.
+TEST(SurveyCommand, RefusesADatumThatIsNotThere) {
+  const Wall wall;
+  wall.Write("control_points.csv", "tag_id,role,x_m,y_m,z_m,sigma_h_m,sigma_v_m\n0,check,0,4,1.2,0.002,0.002\n");
+  wall.Write("stations.csv", "station,tag_id,east_m,north_m,up_m,sigma_m\nS0,0,0,-1,0,0.01\n");
+  wall.Write("panoramas.csv", "file,station,latitude_deg,longitude_deg,height_m\npano.jpg,S0,48.00003,7.80001,201.5\n");
+  wall.Write("pano.jpg", "not read by survey");
+  const Finished control = Trigpoint({"survey", wall.dir(), "--datum", "control"});
+  EXPECT_EQ(control.exit_code, 1);
+  EXPECT_THAT(control.err, testing::HasSubstr("datum control: no surveyed point can be used as control"));
+  wall.Control(0);
+  wall.Write("stations.csv", "station,tag_id,east_m,north_m,up_m,sigma_m\nS9,9,0,-1,0,0.01\n");
+  const Finished geotags = Trigpoint({"survey", wall.dir(), "--datum", "geotags"});
+  EXPECT_EQ(geotags.exit_code, 1);
+  EXPECT_THAT(geotags.err, testing::HasSubstr("datum geotags: no panorama with a position belongs to a station"));
+}
+
 TEST(PlanCommand, SoManyPicturesAreNeeded) {
   const Wall wall;
   wall.Write(
@@ -221,7 +238,7 @@ TEST(PlanCommand, WithoutADatumGatesAreUndecided) {
   }
   const Finished few = Trigpoint({"plan", wall.dir(), "--suggest", "control", "1"});
   EXPECT_EQ(few.exit_code, 0) << few.err;
-  EXPECT_THAT(few.out + few.err, testing::HasSubstr("no choice of 1 gives a datum, 3 more are needed"));
+  EXPECT_THAT(few.out + few.err, testing::HasSubstr("a datum needs at least 3 more control points, 1 asked for"));
   const Finished many = Trigpoint({"plan", wall.dir(), "--suggest", "control", "6"});
   EXPECT_THAT(many.out + many.err, testing::HasSubstr("6 asked for, 4 proposed"));
 }

@@ -899,7 +899,7 @@ TEST(TagMap, OdometryOfOneRunThatContradictsTheTagsIsRefused) {
               testing::AllOf(testing::HasSubstr("run run2: "), testing::HasSubstr("are turned by 9")));
   EXPECT_THAT(refusal(Eigen::Vector3d(1, -1, 1).asDiagonal()), testing::HasSubstr("positions are mirrored"));
   EXPECT_THAT(refusal(Eigen::Matrix3d(Eigen::Matrix3d::Identity() / 0.3048)),
-              testing::HasSubstr("run run2: its odometry is 3.3"));
+              testing::HasSubstr("run run2: lengths of its odometry are 3.3"));
   EXPECT_EQ(refusal(Eigen::Matrix3d::Identity()), "");
 }
 
