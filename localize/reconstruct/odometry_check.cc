@@ -670,8 +670,8 @@ std::optional<std::string> FindWrongMount(const LocalizeInput& input, const std:
         "show: {:+.1f}, {:+.1f}, {:+.1f} deg about the camera's axes right, down, forward; expected the pose of the "
         "camera on the body (x forward, y left, z up): correct it, or calibrate the camera anew. Other causes: "
         "positions of odometry that are turned against its rotations; on a straight path, a negated z; on an even "
-        "curve, a wrong translation of T_cam_imu, focal length or distortion. Option --set "
-        "reconstruct.check_conventions=false skips this check",
+        "curve, a wrong translation of T_cam_imu or a calibration with another focal length or distortion. Option "
+        "--set reconstruct.check_conventions=false skips this check",
         calibration, camera.name, deg.norm(), error->sigma_rad * kRadToDeg, error->motions, deg.x(), deg.y(), deg.z());
   }
   return std::nullopt;
