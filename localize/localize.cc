@@ -100,6 +100,19 @@ bool IsOf(const Reconstruction& r, size_t k, const std::vector<bool>& taken) {
   return r.image_of[k] < 0 && taken[ReferenceOf(r, k)];
 }
 
+// References that are rejected bend no solution.
+void LeaveOut(const std::set<size_t>& rejected, Localization* result) {
+  Reconstruction& r = result->reconstruction;
+  for (const size_t i : rejected) {
+    ReferenceAnswer& answer = result->references[i];
+    r.problem.pose_constant[static_cast<size_t>(answer.pose)] = true;
+    answer.pose = answer.views.pose = -1;
+  }
+  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
+    if (r.image_of[k] < 0 && rejected.count(ReferenceOf(r, k)) > 0) r.problem.observations[k].active = false;
+  }
+}
+
 // The matches of the references taken, with the probability of each to be true.
 std::vector<WeighedMatch> MatchesOf(const std::vector<ReferenceAnswer>& answers, const std::vector<bool>& taken,
                                     const Reconstruction& r) {
@@ -371,19 +384,6 @@ std::set<size_t> RejectContradicted(int least, Localization* result) {
   return rejected;
 }
 
-// References that are rejected bend no solution.
-void LeaveOut(const std::set<size_t>& rejected, Localization* result) {
-  Reconstruction& r = result->reconstruction;
-  for (const size_t i : rejected) {
-    ReferenceAnswer& answer = result->references[i];
-    r.problem.pose_constant[static_cast<size_t>(answer.pose)] = true;
-    answer.pose = answer.views.pose = -1;
-  }
-  for (size_t k = 0; k < r.problem.observations.size(); ++k) {
-    if (r.image_of[k] < 0 && rejected.count(ReferenceOf(r, k)) > 0) r.problem.observations[k].active = false;
-  }
-}
-
 void LeaveOutContradicted(const Task& task, const EarthInput& earth, Localization* result) {
   NoteGeotags(task.input.references, earth, result);
   LeaveOut(RejectContradicted(task.options.registration.min_contradicted_inliers, result), result);
@@ -566,18 +566,17 @@ bool LeaveOutUndetermined(double most_sigma_m, std::vector<MatchGroup>* groups, 
     if (LargestPositionSigma(r.problem.poses[pose], r.problem, its) <= most_sigma_m) continue;
     answer.registration.status = AnswerStatus::kRejected;
     answer.registration.reason = "the points that it sees do not fix its position in the solution of all";
-    answer.pose = answer.views.pose = -1;
-    r.problem.pose_constant[pose] = true;
-    for (const size_t k : its) r.problem.observations[k].active = false;
     left_out.insert(reference);
   }
+  if (left_out.empty()) return false;
+  LeaveOut(left_out, result);
   for (MatchGroup& group : *groups) {
     const auto before = static_cast<double>(group.matches.size());
     std::erase_if(group.matches,
                   [&](const WeighedMatch& m) { return left_out.count(ReferenceOf(r, m.observation)) > 0; });
     if (before > 0) group.unknowns *= static_cast<double>(group.matches.size()) / before;
   }
-  return !left_out.empty();
+  return true;
 }
 
 // Gives the matches the noise that they show: not less than that of the images' features, which are found in the same

@@ -26,9 +26,9 @@ struct ReferenceRow {
 // In the order of the references.
 std::vector<ReferenceRow> ReferenceRows(const Solution& solution);
 
-// Of odom_from_pano and world_from_pano (left tangent), from what the solution holds. A set's photos share the run's
-// error: their mean is known as one of them in the mean, beside its own error. Need a localized reference, covariances,
-// and a georeference for world.
+// Of odom_from_pano and world_from_pano (left tangent), from what the solution holds. The photos of a set share the
+// run's error, so that their mean has the mean of their covariances, and centre_sigma_m beside it. Need a localized
+// reference, covariances, and a georeference for world.
 Matrix6d OdomCovariance(const Solution& solution, const ReferenceRow& row);
 Matrix6d WorldCovariance(const Solution& solution, const ReferenceRow& row);
 

@@ -387,7 +387,7 @@ TEST(GeoRegistration, SigmasThatAreTooSmallAreSaidAndMadeLarger) {
   }
   const GeoRegistration geo = RegisterToEarth(site.observations, site.odom_covariance, 1, 0.01, false, {});
   ASSERT_TRUE(geo.solved) << geo.reason;
-  EXPECT_NE(geo.reason.find("farther off than their sigmas allow"), std::string::npos);
+  EXPECT_NE(geo.reason.find("geotags (or GPS fixes) are farther off than their sigmas allow"), std::string::npos);
   EXPECT_GT(std::sqrt(geo.covariance(3, 3)), 1.5 * honest);
   ExpectWithin(3, geo, site);
 }
@@ -400,7 +400,7 @@ TEST(GeoRegistration, SigmasThatAreAThirdAreMadeLargerByTheMedian) {
     Site site = MakeSite(seed, 0);
     const auto fit = [&] { return RegisterToEarth(site.observations, site.odom_covariance, kScale, 0.001, false, {}); };
     const auto is_enlarged = [](const GeoRegistration& geo) {
-      return geo.reason.find("farther off than their sigmas allow") != std::string::npos;
+      return geo.reason.find("geotags (or GPS fixes) are farther off than their sigmas allow") != std::string::npos;
     };
     enlarged_wrongly += is_enlarged(fit()) ? 1 : 0;
     for (GeoObservation& o : site.observations) o.sigma_h_m = 0.09, o.sigma_v_m = 0.25;
@@ -445,7 +445,8 @@ TEST(GeoRegistration, SigmasThatAreAThirdAreSeenThroughTheRunsOwnErrors) {
   for (uint64_t seed = 1; seed <= kDraws; ++seed) {
     Few path = ShiftedRun(seed);
     const auto is_doubted = [](const GeoRegistration& geo) {
-      return !geo.solved || geo.reason.find("farther off than their sigmas allow") != std::string::npos;
+      return !geo.solved ||
+             geo.reason.find("geotags (or GPS fixes) are farther off than their sigmas allow") != std::string::npos;
     };
     const GeoRegistration honest = path.Fit();
     wrongly += is_doubted(honest) ? 1 : 0;

@@ -159,7 +159,6 @@ TEST(SurveyCommand, WritesControlCheckResidualsDistancesAndSessions) {
   EXPECT_NEAR(tag.Number("height_m"), 200 + tag.Number("z"), 0.01);
 }
 
-// A plan says how many of its pictures a tag needs: as many, spread as they are, give the sigma that it promises.
 // Positions of panoramas at stations are no control points: what was asked for is never replaced by something else.
 TEST(SurveyCommand, RefusesADatumThatIsNotThere) {
   const Wall wall;
@@ -177,6 +176,7 @@ TEST(SurveyCommand, RefusesADatumThatIsNotThere) {
   EXPECT_THAT(geotags.err, testing::HasSubstr("datum geotags: no panorama with a position belongs to a station"));
 }
 
+// A plan says how many of its pictures a tag needs: as many, spread as they are, give the sigma that it promises.
 TEST(PlanCommand, SoManyPicturesAreNeeded) {
   const Wall wall;
   wall.Write(
